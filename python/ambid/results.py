@@ -115,10 +115,10 @@ def of_unit(unit: str) -> str:
     return "" if unit == "1" else f" {unit}"
 
 
-def readable(value: float, unit: str, *, digits: int = 3) -> str:
+def readable(value: float, unit: str) -> str:
     """A length, an angle, an instant or a ratio in the unit that is read most easily, with its sign: ``+0.31 mm``."""
     factor, name = READABLE.get(unit, (1.0, unit))
-    return f"{factor * value:+.{digits}g} {name}"
+    return f"{factor * value:+.3g} {name}"
 
 
 def band_text(low: float, high: float, between: str = " .. ") -> str:

@@ -51,8 +51,6 @@ from ambid.results import band_text
 if TYPE_CHECKING:
     from ambid.diagnosis.localisation import Cell
 
-MOST_CELLS, MOST_PRINTED = 20, 5
-
 
 def check_command(
     rig: RigFile,
@@ -108,7 +106,7 @@ def compare_command(
     with stoppable(), naming_unstable(rig, start, model):
         comparison = ambid.compare(start, loaded)
         where, matrices = _where(comparison), ambid.misfit_matrix(comparison) if comparison.is_judged else ()
-    largest = ["", "largest misfit:", *map(_line, where[:MOST_PRINTED])] if where else []
+    largest = ["", "largest misfit:", *map(_line, where[:5])] if where else []
     data = comparison.to_json() | {
         "where": [asdict(cell) for cell in where],
         "matrix": [own.to_json() for own in matrices],
@@ -339,7 +337,7 @@ def _opened(
 def _where(comparison: ambid.Comparison) -> Sequence[Cell]:
     """Cells with the largest misfit, if the noise is known."""
     with suppress(RecordError):  # too short, or no noise
-        return ambid.localise(comparison).cells[:MOST_CELLS]
+        return ambid.localise(comparison).cells[:20]
     return ()
 
 

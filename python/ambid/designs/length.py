@@ -11,7 +11,6 @@ from scipy.optimize import brentq
 from ambid.channels import SIGNALS, by_signal
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.options import Option, Task, compared
-from ambid.designs.powers import criterion
 from ambid.errors import InputError
 from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.identification.estimate import NORMAL_95
@@ -165,12 +164,12 @@ def _seconds(task: Task, option: Option, known: Model, wanted: Mapping[str, floa
         needed, beyond = _needed(task, option, known, reachable)
         return np.inf if beyond else needed * period / rate
     wave = np.tile(option.wave, (max(FEWEST, round(expected.seconds * rate / period)), 1))
-    aim = np.log(_criterion(task, expected))
+    aim = np.log(task.criterion_of(expected))
 
     def excess(times: float) -> float:
         """Logarithm of the criterion of a record e to that power times as long, over what it is to be."""
         noise = task.instruments.averaged(float(np.exp(times)))
-        return float(np.log(_criterion(task, prospect(known, wave, period=period, instruments=noise))) - aim)
+        return float(np.log(task.criterion_of(prospect(known, wave, period=period, instruments=noise))) - aim)
 
     least, most = (float(np.log(seconds * rate / len(wave))) for seconds in (expected.seconds, LONGEST))
     if not excess(most) < 0.0:
@@ -181,13 +180,6 @@ def _seconds(task: Task, option: Option, known: Model, wanted: Mapping[str, floa
 
 def _reachable(wanted: Mapping[str, float], expected: Prospect) -> dict[str, float]:
     return {name: half for name, half in wanted.items() if not list(_out_of_reach(expected, {name: half}))}
-
-
-def _criterion(task: Task, expected: Prospect) -> float:
-    names, own = task.model.names, list(expected.parameters)
-    at = [own.index(names[k]) for k in task.free]
-    relative = expected.covariance[np.ix_(at, at)] / np.outer(task.scale, task.scale)
-    return criterion(np.asarray(np.linalg.inv(relative)), task.wanted)
 
 
 def of_signals(

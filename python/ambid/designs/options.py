@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.designs.intervals import FEWEST, prospect
+from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.lines import PoweredLines
 from ambid.designs.peaks import MOST_OF_POWER, Limits, forecast
 from ambid.designs.powers import best_powers, criterion
@@ -58,6 +58,13 @@ class Task:
     period: int
     spread: float
 
+    def criterion_of(self, expected: Prospect) -> float:
+        """What is to be small, of what a record would show."""
+        names, own = self.model.names, [expected.model.names[i] for i in expected.model.free]
+        at = [own.index(names[k]) for k in self.free]
+        relative = expected.covariance[np.ix_(at, at)] / np.outer(self.scale, self.scale)
+        return criterion(np.asarray(np.linalg.inv(relative)), self.wanted)
+
 
 @dataclass(frozen=True, eq=False)
 class Option:
@@ -83,8 +90,7 @@ class Option:
         """Scale a wave to its limit, and see what it determines."""
         wave = wave / _load(task, wave)
         accuracy = prospect(task.model, np.tile(wave, (FEWEST, 1)), period=len(wave), instruments=task.instruments)
-        relative = accuracy.covariance[np.ix_(task.free, task.free)] / np.outer(task.scale, task.scale)
-        cost = criterion(np.asarray(np.linalg.inv(relative)), task.wanted) * accuracy.seconds
+        cost = task.criterion_of(accuracy) * accuracy.seconds
         return cls(signal, settings | {"peak": float(np.abs(wave).max())}, wave, cost)
 
 

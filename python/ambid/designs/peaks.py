@@ -15,6 +15,7 @@ from ambid.model import Given, as_model
 from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 from ambid.results import Tabular, plain
 from ambid.rig import Rig
+from ambid.robustness import ZONES
 
 __all__ = ["Forecast", "Limits", "Peaks", "forecast"]
 
@@ -25,8 +26,6 @@ CURRENT = 0.2
 MOST_OF_POWER = 0.9
 """Part of an excitation's power that its band holds."""
 
-SENSITIVITY = 3.0
-"""Largest peak sensitivity of zone A, ISO 14839-3."""
 ROUNDED = 1.0 + 1e-9
 """Part of a limit beyond which it is passed: what was scaled to it may be off by rounding."""
 ABOVE_LIMIT = Kind(
@@ -53,14 +52,14 @@ class Limits:
     slew_rate : float or None
         Largest slope of i_c [A/s]: what the supply's voltage leaves over the inductance of the coil.
     sensitivity : float
-        Peak sensitivity of the loop, which no excitation changes, above which a design warns.
+        Peak sensitivity of the loop, which no excitation changes, above which a design warns: that of zone A.
     """
 
     travel: float = TRAVEL
     current: float = CURRENT
     excitation: float | None = None
     slew_rate: float | None = None
-    sensitivity: float = SENSITIVITY
+    sensitivity: float = ZONES[0][0]
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():

@@ -16,7 +16,7 @@ import numpy as np
 from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
 from ambid.effects.rotor import RotorInertiaError, divide_forces, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
-from ambid.effects.slips import ControllerGainError
+from ambid.effects.slips import LEAST, ControllerGainError
 from ambid.effects.updates import (
     with_bearing,
     with_controller_gain,
@@ -37,8 +37,6 @@ __all__ = ["KNOWN", "Known", "KnownInstant"]
 FARTHEST = 5.0
 """Standard deviations beyond which a value is not known to its tolerance: one in 1.7 million is off by more, and what a
 record calls for there is an effect."""
-LEAST = -0.9
-"""Relative error of a quantity that is positive, at least."""
 
 
 class Known(Effect):

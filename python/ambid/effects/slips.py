@@ -18,7 +18,7 @@ from ambid.loop.plant import Plant
 from ambid.rig import PidController, Rig
 
 LEAST, MOST = -0.9, 9.0
-"""Relative errors that are sought: a factor of ten to either side."""
+"""Relative errors of what is positive, as far as they are sought: a factor of ten to either side."""
 MINOR = 0.05
 """Gains whose error is a smaller part of the largest one are not reported."""
 RIG_FILE = "the rig file is wrong, and not the physics of the model"

@@ -14,7 +14,6 @@ from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
-UNBOUNDED = float("inf")
 WITHIN = (1.2, 0.9, 0.6, 0.3)
 """Clearances that are tried, as parts of the largest displacement along an axis; in the plane it is larger."""
 ROUNDED_TOUCH = 0.01
@@ -63,13 +62,13 @@ class SealForces(AtPlace):
         k = size_of_stiffness(rig)
         return [
             EffectParameter(
-                "direct_stiffness", "N/m", 0.02 * k, lower=-UNBOUNDED, meaning="stiffness k against motion"
+                "direct_stiffness", "N/m", 0.02 * k, lower=-float("inf"), meaning="stiffness k against motion"
             ),
             EffectParameter(
                 "cross_stiffness",
                 "N/m",
                 0.02 * k,
-                lower=-UNBOUNDED,
+                lower=-float("inf"),
                 meaning="stiffness k_c from one plane to the other",
             ),
             EffectParameter("damping", "N s/m", 2e-5 * k, meaning="damping c, direct"),

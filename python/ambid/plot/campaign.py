@@ -13,7 +13,7 @@ from ambid.campaigns import Campaign
 from ambid.campaigns.result import STATIC, Runs
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
-from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, check_format, dress, new_figure, save_figure
+from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, check_format, dress, head, new_figure, save_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,7 +97,7 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
         handles = panels[0].get_legend_handles_labels()[0]
         figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
         title = f"{campaign.folder.name}: {quantity} with 95 % intervals"
-        figure.suptitle(f"{title}; small crosses are single runs", fontsize=LABEL + 1, x=0.01, ha="left")
+        head(figure, f"{title}; small crosses are single runs")
     return np.array(panels[: len(names)])
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ambid.identification.estimate import NORMAL_95
-from ambid.plot.style import AXIS_COLOURS, LABEL, SMALL, dress, new_figure, plain_log, save_drawn
+from ambid.plot.style import AXIS_COLOURS, SMALL, TITLE, dress, new_figure, plain_log, save_drawn
 from ambid.robustness import Campbell
 from ambid.robustness.whirl import whirl_of
 
@@ -67,7 +67,7 @@ def plot_campbell(campbell: Campbell, ax: Axes | None = None) -> Axes:
     above.set_xlabel("[rad/s]", fontsize=SMALL)
     above.tick_params(labelsize=SMALL)
     dress(ax, x="speed [rpm]", y="natural frequency [Hz]")
-    ax.set_title(f"Campbell diagram of {campbell.model.rig.name}", fontsize=LABEL + 1, loc="left", pad=8)
+    ax.set_title(f"Campbell diagram of {campbell.model.rig.name}", fontsize=TITLE, loc="left", pad=8)
     handles: dict[str, Any] = {}
     for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
         handles.setdefault(label, handle)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ambid.diagnosis import MisfitMatrix
 from ambid.errors import InputError
-from ambid.plot.style import LABEL, NOTHING, SMALL, dress, new_figure, short_number
+from ambid.plot.style import LABEL, NOTHING, SMALL, dress, head, new_figure, short_number
 from ambid.results import band_text
 
 if TYPE_CHECKING:
@@ -91,12 +91,10 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         panel.spines[["left", "bottom"]].set_visible(False)
     if ax is None:
         figure = panels[0].figure
-        figure.suptitle(
+        head(
+            figure,
             f"{matrix.record}: what each output answers to each {'/'.join(kinds)} beyond the model, and to none "
             "of them\npower, and the sign of the real part where it has one; grey may be chance",
-            fontsize=LABEL + 1,
-            x=0.01,
-            ha="left",
         )
         bar = figure.colorbar(ScalarMappable(norm, "YlOrBr"), ax=panels[:bands], pad=0.01, fraction=0.03)
         bar.set_label("times noise power", fontsize=LABEL)

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from ambid.diagnosis import Prediction
 from ambid.errors import InputError
 from ambid.plot.style import (
+    AXIS_COLOURS,
     GUIDE,
     LABEL,
     SIMULATED,
     SMALL,
     dress,
+    head,
     misfit_text,
     new_figure,
     plain_log,
@@ -26,7 +28,6 @@ from ambid.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-NOW = "#1f4e8c"
 LEAST = 0.3
 """Of the scale, times noise: few lines may hold less by chance, which says nothing."""
 
@@ -67,11 +68,11 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
     if len(panels) < channels:
         raise InputError(f"ax: {len(panels)} axes for {channels} channels; give one for each")
     for c, (panel, channel) in enumerate(zip(panels, now.channels, strict=False)):
-        for own, style in ((now, {"color": NOW, "ls": "-"}), (then, {"color": SIMULATED, "ls": (0, (4, 1.5))})):
+        for own, colour, line in ((now, AXIS_COLOURS[0], "-"), (then, SIMULATED, (0, (4, 1.5)))):
             known = np.isfinite(own.misfit[:, c])
             middle = np.sqrt(own.edges_hz[:-1] * own.edges_hz[1:])[known]
             label, mark = ("now", "o") if own is now else (f"with {prediction.effect}, predicted", "x")
-            panel.loglog(middle, own.misfit[known, c], marker=mark, ms=2.5, lw=1.3, label=label, **style)
+            panel.loglog(middle, own.misfit[known, c], marker=mark, ms=2.5, lw=1.3, label=label, color=colour, ls=line)
         panel.axhline(1.0, color=GUIDE, lw=1.0, ls=":", label="noise alone")
         dress(panel, title=channel)
         panel.title.set_fontsize(LABEL)
@@ -85,12 +86,7 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
             panel.set_ylabel("times noise" if c < rows else "", fontsize=LABEL)
             panel.set_xlabel("frequency [Hz]" if is_last else "", fontsize=LABEL)
         text = f"{misfit_text(prediction.misfit_now)} now, {misfit_text(prediction.misfit_then)} predicted"
-        figure.suptitle(
-            f"{now.record}: power of the residual; misfit {text} with {prediction.effect}",
-            fontsize=LABEL + 1,
-            x=0.01,
-            ha="left",
-        )
+        head(figure, f"{now.record}: power of the residual; misfit {text} with {prediction.effect}")
         handles = panels[0].get_legend_handles_labels()[0]
         figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
     return np.array(panels[:channels])

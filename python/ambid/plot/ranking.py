@@ -11,9 +11,9 @@ from ambid.diagnosis import Ranking
 from ambid.plot.style import (
     AXIS_COLOURS,
     GUIDE,
-    LABEL,
     NOTHING,
     SMALL,
+    TITLE,
     dress,
     misfit_text,
     new_figure,
@@ -81,7 +81,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) 
     ax.set_ylim(len(shown) - 0.4, -0.6)
     ax.set_yticks(range(len(shown)), [c.effect.name for c in shown])
     dress(ax, x="misfit J/dof: now (line to the right), then (dot), noise alone (dashed)", grid="x")
-    ax.set_title(f"Candidates: misfit {misfit_text(ranking.misfit)} now", fontsize=LABEL + 1, loc="left", pad=16)
+    ax.set_title(f"Candidates: misfit {misfit_text(ranking.misfit)} now", fontsize=TITLE, loc="left", pad=16)
     style: dict[str, Any] = {"marker": "o", "ms": 6, "mew": 1.4, "ls": "none"}
     handles = [Line2D([], [], mfc=FALL, mec=FALL, label="beyond chance", **style)]
     if like_first:

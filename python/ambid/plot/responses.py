@@ -15,13 +15,15 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.responses import Modelled, Responses, frequency_responses
 from ambid.plot.style import (
+    AXIS_COLOURS,
     BAND,
     GUIDE,
-    LABEL,
+    MEASURED,
     SIMULATED,
     SMALL,
     check_format,
     dress,
+    head,
     new_figure,
     plain_log,
     save_figure,
@@ -36,11 +38,10 @@ SIGMAS = 2.0
 """Standard deviations that the band of the noise reaches to each side; what is smaller has no phase to be seen."""
 HIDDEN = 0.3
 """Part of the smallest measured value below which a modelled one is not drawn."""
-UNSEEN = "#a8a8a8"
 DOTS: dict[str, Any] = {"marker": "o", "ls": "none", "ms": 3.2, "mfc": "white", "mec": "#404040", "mew": 0.7}
 STYLES: tuple[dict[str, Any], ...] = (
     {"color": SIMULATED, "ls": "-", "lw": 1.3, "zorder": 4},
-    {"color": "#1f4e8c", "ls": (0, (5, 2)), "lw": 1.3, "zorder": 3},
+    {"color": AXIS_COLOURS[0], "ls": (0, (5, 2)), "lw": 1.3, "zorder": 3},
     {"color": GUIDE, "ls": ":", "lw": 1.3, "zorder": 3},
 )
 """Of the model and of those before it: dashed and dotted, so that they differ in grey too."""
@@ -126,7 +127,7 @@ def draw_responses(compared: Responses, title: str = "") -> Figure:
             first = first or size
     if size is not None:
         legend(figure, size)
-    figure.suptitle(title or f"{measured.name}: frequency responses", fontsize=LABEL + 1, x=0.01, ha="left")
+    head(figure, title or f"{measured.name}: frequency responses")
     return figure
 
 
@@ -161,7 +162,7 @@ def _draw_size(ax: Axes, compared: Responses, o: int, i: int) -> None:
     low = np.maximum(size - SIGMAS * std, 0.1 * size)  # a band down to nothing has no place on a logarithmic scale
     ax.fill_between(f, low, size + SIGMAS * std, facecolor=BAND, lw=0.0, label=f"noise, ±{SIGMAS:g} sigma")
     seen = size > SIGMAS * std
-    ax.loglog(f[~seen], size[~seen], ".", color=UNSEEN, ms=3.0, mew=0.0)
+    ax.loglog(f[~seen], size[~seen], ".", color=MEASURED, ms=3.0, mew=0.0)
     ax.loglog(f[seen], size[seen], label="measured", **DOTS)
     for own, style in zip(compared.modelled, STYLES, strict=False):
         drawn = np.abs(own.response[:, o, i])

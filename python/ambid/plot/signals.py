@@ -15,14 +15,15 @@ from ambid.noise.compared import RecordComparison
 from ambid.noise.responses import frequency_responses
 from ambid.plot.responses import draw_responses, plot_frequency_response
 from ambid.plot.style import (
+    AXIS_COLOURS,
     BAND,
     GUIDE,
-    LABEL,
     MEASURED,
     SIMULATED,
     SMALL,
     check_format,
     dress,
+    head,
     new_figure,
     save_figure,
     shown_in,
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-BEFORE = "#1f4e8c"
 FEWEST = 100
 """Samples of a stretch at least."""
 
@@ -101,7 +101,7 @@ def plot_comparison(
         below.axhspan(-noise, noise, facecolor=BAND, edgecolor=GUIDE, lw=0.6, ls=":", label="noise, ±2 sigma")
     if earlier is not None:
         was = np.asarray(earlier.records[record].residual)[span, k]
-        style: dict[str, Any] = {"color": BEFORE, "ls": (0, (4, 1.5)), "lw": 1.0}
+        style: dict[str, Any] = {"color": AXIS_COLOURS[0], "ls": (0, (4, 1.5)), "lw": 1.0}
         above.plot(t, factor * (measured - was), label="simulated before", **style)
         below.plot(t, small * was, label="residual before", **style)
     below.plot(t, small * residual, color="black", lw=0.8, label="residual")
@@ -188,7 +188,7 @@ def draw_record(
                 below.set_xlabel("")
             if i == j == 0:
                 legend(figure, above, below)
-    figure.suptitle(title, fontsize=LABEL + 1, x=0.01, ha="left")
+    head(figure, title)
     return figure
 
 

@@ -96,6 +96,11 @@ def dress(ax: Axes, *, title: str = "", x: str = "", y: str = "", grid: str | No
         ax.spines[side].set_visible(False)
 
 
+def head(figure: Figure, text: str) -> None:
+    """Give a figure of several panels its title."""
+    figure.suptitle(text, fontsize=TITLE, x=0.01, ha="left")
+
+
 def check_format(path: Path | None) -> None:
     """Refuse a picture's file name whose suffix is none of .png, .pdf, .svg, before any work is done.
 

@@ -17,7 +17,7 @@ from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS, unit_of
 from ambid.findings import Finding, Kind, Where
 from ambid.record.frequency_gates import MOST_LISTED
-from ambid.record.repeats import OUTLIER, Repeats, repeats
+from ambid.record.repeats import MOST_WRONG, OUTLIER, Repeats, repeats
 
 Signals = dict[str, FloatArray]
 """Arrays (N, axes) by the names that a record gives them; (N, 1) of single channels."""
@@ -52,8 +52,6 @@ AROUND = 50
 """Rows around the place of a loss that go with it: it is known to a hold of the excitation."""
 SURROUNDINGS = 100
 """Samples by which the deviation around a sample is judged. At a beginning at rest they are spared."""
-MOST_SPIKES = 20
-"""Spikes of a channel at most; more of them are no single samples."""
 
 
 def mended_excitation(
@@ -180,12 +178,12 @@ def without_spikes(x: FloatArray, period: int) -> tuple[FloatArray, NDArray[np.i
     -------
     cleaned : ndarray, shape (N,)
     rows : ndarray of int
-        Of the samples that were replaced; none where they are more than `MOST_SPIKES`, beside each other, or a period
+        Of the samples that were replaced; none where they are more than `MOST_WRONG`, beside each other, or a period
         apart.
     """
     rows: list[int] = []
     while (row := _worst(_apart(x, period, rows), rows)) is not None:
-        if len(rows) == MOST_SPIKES or row % period in {known % period for known in rows}:
+        if len(rows) == MOST_WRONG or row % period in {known % period for known in rows}:
             return x, np.zeros(0, dtype=np.intp)
         rows.append(row)
     found = np.unique(rows).astype(np.intp)

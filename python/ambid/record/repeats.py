@@ -33,7 +33,7 @@ ROUNDING = 1e-6
 MOST_LOST = 50
 """Rows that are lost or repeated at one place, at most."""
 MOST_WRONG = 20
-"""Wrong samples that are taken for single ones, at most; more are another excitation."""
+"""Wrong samples that are taken for single ones, at most; more are another excitation, and no spikes of a channel."""
 A_STEP = 2 * MOST_LOST
 """Samples by which a period may be longer that needs a step less: all periods but one are then still compared."""
 CERTAIN = 20.0

@@ -284,8 +284,8 @@ class StateSpaceController(_ReadingController):
 
     @model_validator(mode="after")
     def _shapes_agree(self) -> "StateSpaceController":
-        states, axes, signals = sizes(self.A, self.B, self.C, self.D, len(self.inputs))
-        read = axes * signals
+        states, axes = sizes(self.A, self.B, self.C, self.D, len(self.inputs))
+        read = axes * len(self.inputs)
         shapes = {"A": (states, states), "B": (states, read), "C": (axes, states), "D": (axes, read)}
         others = {"A": "B and C", "B": "A and D", "C": "A and D", "D": "B and C"}
         refuse(

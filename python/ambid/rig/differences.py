@@ -56,7 +56,7 @@ def _is_tables(value: Any) -> bool:
 
 
 def _text(value: Any) -> str:
-    if isinstance(value, float) and not isinstance(value, bool):
+    if isinstance(value, float):
         return plain(value) if float(plain(value)) == value else repr(value)
     if isinstance(value, tuple) and all(isinstance(own, float) for own in value):
         text = f"[{', '.join(_text(own) for own in value)}]"

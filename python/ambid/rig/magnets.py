@@ -18,9 +18,8 @@ from ambid.rig.fields import (
     problem,
     refuse,
 )
-from ambid.rig.parts import Position
+from ambid.rig.parts import DIRECTION, Position
 
-TILT = Range(-360.0, 360.0, "degrees")
 BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
 AIR_GAP = Range(1e-5, 0.1, "m", (MILLIMETRES, MICROMETRES))
 POLE_AREA = Range(1e-7, 1.0, "m^2", (("mm^2", 1e-6), ("cm^2", 1e-4)))
@@ -85,7 +84,7 @@ class Bearing(Spec):
     )
     position: Position
     sensor_position: Position
-    tilt: Annotated[float, TILT] = 0.0
+    tilt: Annotated[float, DIRECTION] = 0.0
     bias_current: Annotated[float, BIAS_CURRENT]
     air_gap: Annotated[float, AIR_GAP]
     force_current: Annotated[tuple[float, ...], per_axis(FORCE_CURRENT)] = Field(

@@ -9,8 +9,6 @@ from pydantic_core import InitErrorDetails
 
 from ambid.rig.fields import MILLIMETRES, Range, Spec, plain, problem, refuse
 
-__all__ = ["Disk", "MASS", "Material", "Position", "Section", "Sensor", "Support", "polar_over_transverse", "too_polar"]
-
 Position = Annotated[float, Range(unit="m")]
 
 DENSITY = Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))

@@ -78,12 +78,12 @@ def wrong_counts(given: dict[str, tuple[Any, ...]], n_axes: int, signals: int = 
     ]
 
 
-def sizes(a: Matrix, b: Matrix, c: Matrix, d: Matrix, signals: int) -> tuple[int, int, int]:
-    """States, axes and signals that most of four matrices agree on: one that is wrong does not make others wrong."""
+def sizes(a: Matrix, b: Matrix, c: Matrix, d: Matrix, signals: int) -> tuple[int, int]:
+    """States and axes that most of four matrices agree on: one that is wrong does not make others wrong."""
     rows, columns = len(b), _width(c)
     states = rows if rows and rows == columns else len(a)
     axes = len(c) if c and _width(b) == len(c) * signals else len(d)
-    return states, axes, signals
+    return states, axes
 
 
 def _width(rows: Matrix) -> int | None:

@@ -10,12 +10,10 @@ from pydantic import Discriminator, Field, PrivateAttr, Tag, ValidationInfo, mod
 from pydantic_core import InitErrorDetails
 
 from ambid.findings import Finding
-from ambid.rig.fields import FINITE, MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
+from ambid.rig.fields import MILLIMETRES, NOTHING, Range, Spec, per_axis, problem, refuse
 from ambid.rig.parts import MASS, Disk, Material, Position, Section, Support, polar_over_transverse, too_polar
-from ambid.rig.rotor_files import MATRIX_KEYS, matrices_of_file
-
-Finite = Annotated[float, FINITE]
-Matrix = tuple[tuple[Finite, ...], ...]
+from ambid.rig.realisation import Matrix
+from ambid.rig.rotor_files import MATRIX_KEYS, MOST_NODES, matrices_of_file
 
 DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
 FREQUENCY = Range(0.1, 1e5, "Hz")
@@ -28,8 +26,6 @@ FAR_OFF = 10.0
 """Lengths of the shaft beyond which a position looks like millimetres."""
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
-MOST_NODES = 400
-"""Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""
 
 
 class _AnyRotor(Spec):

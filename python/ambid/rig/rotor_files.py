@@ -13,11 +13,11 @@ from scipy.sparse import issparse
 from ambid.reading import load_mat
 from ambid.rig.fields import problem, refuse
 
-__all__ = ["MATRIX_KEYS", "matrices_of_file"]
+__all__ = ["MATRIX_KEYS", "MOST_NODES", "matrices_of_file"]
 
 MATRIX_KEYS = ("node_positions", "M", "K", "G", "C")
-MOST_ENTRIES = 1600 * 1600
-"""Of a matrix that is read from a file: 400 nodes, more than is reduced in seconds."""
+MOST_NODES = 400
+"""Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""
 
 
 def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
@@ -27,8 +27,9 @@ def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
         content = _arrays(path) if path.suffix == ".npz" else load_mat(path)
         for key in content.keys() & set(MATRIX_KEYS):
             value = content[key]
-            if math.prod(np.shape(value)) > MOST_ENTRIES:
-                refuse(problem(f"{key} has the shape {np.shape(value)}; expected 400 nodes or fewer.", name, "file"))
+            if math.prod(np.shape(value)) > (4 * MOST_NODES) ** 2:
+                text = f"{key} has the shape {np.shape(value)}; expected {MOST_NODES} nodes or fewer."
+                refuse(problem(text, name, "file"))
             if issparse(value):
                 value.check_format(full_check=True)  # a wrong index would be written to, wherever it points
                 value = value.toarray()
@@ -50,7 +51,7 @@ def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
 def _arrays(path: Path) -> dict[str, Any]:
     """Arrays of an `.npz` file; it may be compressed, but not expand to more than matrices are."""
     with ZipFile(path) as packed:
-        if any(entry.file_size > 9 * MOST_ENTRIES for entry in packed.infolist()):
+        if any(entry.file_size > 9 * (4 * MOST_NODES) ** 2 for entry in packed.infolist()):
             raise ValueError
     with np.load(path) as content:
         return {key: content[key] for key in content.files if key in MATRIX_KEYS}

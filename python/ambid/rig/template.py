@@ -21,7 +21,6 @@ KINDS = {
 
 OF_SHAFTS = ("inertia", "position", "sensor_position", "sensor_angle", "bending_frequency", "modal_damping")
 """Keys of [tolerance] that a mass on one axis has no values for."""
-WIDTH = 100
 
 
 def rig_template(kind: str) -> str:
@@ -51,7 +50,7 @@ def _tolerances(without: Sequence[str]) -> str:
     ]
     for key, value in TYPICAL.items():
         if key not in without:
-            unit = f"{UNITS[key]}" if key in UNITS else "relative"
-            lines += wrap(SOURCES[key], WIDTH, initial_indent="# ", subsequent_indent="# ")
+            unit = UNITS.get(key, "relative")
+            lines += wrap(SOURCES[key], 100, initial_indent="# ", subsequent_indent="# ")
             lines.append(f"{f'{key} = {value:g}':30s} # {unit}")
     return "\n".join(lines) + "\n"

@@ -102,7 +102,7 @@ def margins(
     values = gains(loop.sensitivity(theta, grid))
     peaks = find_peaks(lambda f: loop.sensitivity(theta, f), grid, values)
     uncertainty, found = Uncertainty.of(linear), None
-    every = list(map(_nominal, peaks.values, peaks.frequency_hz))
+    every = list(map(Margin, peaks.values.tolist(), peaks.frequency_hz.tolist()))
     if uncertainty is None:
         findings.append(NO_COVARIANCE())
     else:
@@ -163,10 +163,6 @@ def of_small_motion(model: Model) -> tuple[Model, list[Finding]]:
     return linear, [NOT_LINEAR(effects=left_out)]
 
 
-def _nominal(value: float, frequency_hz: float) -> Margin:
-    return Margin(float(value), float(frequency_hz))
-
-
 def _spread(loop: BrokenLoop, uncertainty: Uncertainty, peaks: Peaks, found: Draws) -> list[Margin]:
     """Every peak with its interval, standard error and worst case."""
     slopes = slopes_of(loop, uncertainty.theta, peaks, uncertainty.free) @ uncertainty.root
@@ -175,7 +171,7 @@ def _spread(loop: BrokenLoop, uncertainty: Uncertainty, peaks: Peaks, found: Dra
     names = loop.model.names
     every = []
     for gain, (value, frequency) in enumerate(zip(peaks.values, peaks.frequency_hz, strict=True)):
-        starts = [_towards(slopes[gain], uncertainty.radius)]
+        starts = [uncertainty.towards(slopes[gain])]
         if within.any():
             starts.append(found.z[within][found.peaks[within, gain].argmax()])
         worst, theta = worst_of_ellipsoid(loop, uncertainty, gain, starts)
@@ -190,11 +186,6 @@ def _spread(loop: BrokenLoop, uncertainty: Uncertainty, peaks: Peaks, found: Dra
             )
         )
     return every
-
-
-def _towards(slope: FloatArray, radius: float) -> FloatArray:
-    size = np.linalg.norm(slope)
-    return radius * slope / size if size > 0.0 else slope
 
 
 def _disk(peak: Margin) -> Margin:

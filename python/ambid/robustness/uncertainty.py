@@ -67,6 +67,11 @@ class Uncertainty:
         """Of the 95 % ellipsoid, in the coordinates of `at`."""
         return float(np.sqrt(chi2.ppf(COVERED, len(self.free))))
 
+    def towards(self, slope: FloatArray) -> FloatArray:
+        """Where the 95 % ellipsoid ends along a slope; the middle where there is none."""
+        size = np.linalg.norm(slope)
+        return self.radius * slope / size if size > 0.0 else slope
+
     def at(self, z: FloatArray) -> FloatArray:
         """Values of all parameters, shape (..., parameters), at points of the unit normal distribution."""
         theta = np.broadcast_to(self.theta, (*z.shape[:-1], len(self.theta))).copy()
@@ -189,5 +194,5 @@ def worst_of_ellipsoid(
                 break
             value = float(peaks.values[gain])
             slope = slopes_of(loop, theta, peaks, uncertainty.free)[gain] @ uncertainty.root
-            z = uncertainty.radius * slope / np.linalg.norm(slope)
+            z = uncertainty.towards(slope)
     return best, at

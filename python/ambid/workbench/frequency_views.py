@@ -21,7 +21,7 @@ from ambid.plot.style import short_number, shown_in
 from ambid.results import plain
 from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import KEPT, Session
-from ambid.workbench.views import LEVELS, THOUSAND
+from ambid.workbench.views import LEVELS
 
 __all__ = ["lines", "matrices", "prediction", "responses"]
 
@@ -236,7 +236,7 @@ def _level(power: float) -> int:
 
 
 def _short(power: float) -> str:
-    return f"{power / THOUSAND:.2g}k" if power >= 0.995 * THOUSAND else short_number(power)
+    return f"{power / 1e3:.2g}k" if power >= 995.0 else short_number(power)
 
 
 def _on_a_log_scale(f: FloatArray, signals: FloatArray, pixels: int) -> NDArray[np.intp]:

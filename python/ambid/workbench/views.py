@@ -17,11 +17,10 @@ from ambid.results import plain
 from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import Session
 
-__all__ = ["LEVELS", "THOUSAND", "candidates", "held", "misfits", "overview", "signals", "where"]
+__all__ = ["LEVELS", "candidates", "held", "misfits", "overview", "signals", "where"]
 
 LEVELS = (1.5, 3.0, 10.0, 100.0)
 """Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
-THOUSAND = 1000.0
 FEWEST_SAMPLES = 4
 """Samples of the shortest window that is drawn."""
 
@@ -196,7 +195,7 @@ def _cell(misfit: float) -> dict[str, Any]:
     """A cell of the map: its misfit, as it is written there, and how dark it is."""
     if np.isnan(misfit):  # no line there
         return {"misfit": misfit, "text": "", "level": 0}
-    text = misfit_text(misfit) if misfit < THOUSAND else f"{misfit / THOUSAND:.3g}k"
+    text = misfit_text(misfit) if misfit < 1e3 else f"{misfit / 1e3:.3g}k"
     return {"misfit": misfit, "text": text, "level": int(np.searchsorted(LEVELS, misfit))}
 
 
