@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import ambid
-from ambid.rig.differences import differences
+from ambid.rig.notes import differences
 from places import BENCH, LEVITATOR
 
 

@@ -10,8 +10,7 @@ import ambid
 from ambid.designs import Instruments, Limits, design, forecast, prospect
 from ambid.designs.best import SENSITIVE
 from ambid.designs.length import NOT_ACCURATE, OUT_OF_REACH, TOO_SHORT
-from ambid.designs.lines import PoweredLines
-from ambid.designs.powers import best_powers, criterion
+from ambid.designs.powers import PoweredLines, best_powers, criterion
 from ambid.errors import InputError, ModelError, UnstableLoopError
 from ambid.rig.tolerance import TYPICAL
 from places import BENCH, LEVITATOR

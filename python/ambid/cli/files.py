@@ -72,7 +72,7 @@ def _of_another_rig(rig: ambid.Rig, path: Path) -> list[Finding]:
     The operating points that it was fitted at beside its rig are its own.
     """
     from ambid.model.file import rigs_of_model  # not at the top: --help need not open these rooms
-    from ambid.rig.differences import differences
+    from ambid.rig.notes import differences
 
     apart = [differences(own, rig) for own in rigs_of_model(path)]
     if not all(apart):

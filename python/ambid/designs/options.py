@@ -9,9 +9,8 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 from ambid.designs.intervals import FEWEST, Prospect, prospect
-from ambid.designs.lines import PoweredLines
 from ambid.designs.peaks import MOST_OF_POWER, Limits, forecast
-from ambid.designs.powers import best_powers, criterion
+from ambid.designs.powers import PoweredLines, best_powers, criterion
 from ambid.excitation import multisine, prbs
 from ambid.model import Model
 from ambid.noise.foreseen import Instruments

@@ -1,4 +1,4 @@
-"""What drives a record: the reference, the excitation, logged or rebuilt, its period, and what is mended by it."""
+"""What drives a record: the reference, the excitation, logged, applied or rebuilt, its period, what is mended by it."""
 
 from __future__ import annotations
 
@@ -9,18 +9,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.errors import RecordError
-from ambid.findings import Finding, Kind
+from ambid.findings import Finding, Kind, Where
 from ambid.record import checks
-from ambid.record.applied import applied_excitation
-from ambid.record.free_modes import REBUILT_TOLERANCE
+from ambid.record.free_modes import REBUILT_TOLERANCE, is_held
 from ambid.record.mending import FEWEST, mended_excitation, mended_outputs
 from ambid.record.period import find_period, mismatches
 from ambid.record.raw import OF_LOOP
-from ambid.record.rebuild import ExcitationSource, rebuild_excitation
+from ambid.record.rebuild import ExcitationSource, rebuild_excitation, rounding_of, steps_of, unexplained
 from ambid.rig import Rig
 
 __all__ = ["Driven", "driven"]
 
+APPLIED = Kind(
+    "excitation_as_applied",
+    "note",
+    "i_e is what was applied: the recorded command follows from y, the logged i_e and the rig's controller, but was "
+    "clipped",
+)
+COMMAND_UNEXPLAINED = Kind(
+    "command_unexplained",
+    "warning",
+    "no sum of i_e and the law of the rig's controller: {share:.2g|%} of its changes from sample to sample are left, "
+    "up to {limit:g|%} expected; i_e is taken as logged",
+    "see [controller], its delay, and the columns of i_e and i_ref",
+)
 SPENT = Kind(
     "current_left_out",
     "note",
@@ -58,6 +70,10 @@ FEW_PERIODS = Kind(
     "{periods} whole periods of {signals} found: a noise ceiling from repeats needs {needed}; without, it is that of "
     "the noise model",
 )
+LAWFUL = 0.99
+"""Part of the samples off the limits of a command in which it must follow the law: only the limits differ then."""
+ALIKE = 0.05
+"""Part of the command's changes up to which the law counts as the one that made it."""
 LAGS, BY_FAR = 24, 4.0
 """Samples of i_e that y may follow from, and how many times what chance explains it must then."""
 UNLIKE = 1.0
@@ -103,7 +119,7 @@ def driven(
     signals, source, findings = _with_reference(where, rig, logged)
     period, is_known = stated, False
     if rig is not None and {"y", "i_e", "i_ref"} <= set(logged):
-        applied, more = applied_excitation(where, rig, sample_rate, signals)
+        applied, more = _applied(where, rig, sample_rate, signals)
         findings += more
         if applied is not None:
             signals, source, is_known = {**signals, "i_e": applied}, "applied_command", True
@@ -165,6 +181,50 @@ def driven(
         of = ["i_e"] if r is None else ["i_e", "r"]
         findings.append((FEW_PERIODS if period else NO_PERIOD)(periods=periods, signals=of, needed=FEWEST))
     return Driven(signals, source, period, findings)
+
+
+def _applied(
+    where: str, rig: Rig, sample_rate: float, logged: Signals
+) -> tuple[NDArray[np.float64] | None, list[Finding]]:
+    """Hold a recorded command against y, the rig's digital controller and a logged i_e.
+
+    Where they differ at the command's highest and lowest values alone, it was clipped, and what was applied less what
+    the law asks for is the excitation. Where they differ elsewhere, i_e stays as it was logged, and a finding says so.
+
+    Returns
+    -------
+    i_e : ndarray, shape (N, axes), or None
+        As applied; None where it stays as it was logged.
+    findings : list of Finding
+    """
+    signals = {name: logged.get(name) for name in ("i_ref", "i_c", "r", "i_e")}
+    i_e, i_ref = logged["i_e"], logged["i_ref"]
+    if not rig.controller.is_digital:  # between the samples it follows y, which nobody recorded
+        return None, []
+    try:
+        left = unexplained(rig, sample_rate, y=logged["y"], **signals, where=where)
+    except RecordError:  # another rate, or a current that was not recorded
+        return None, []
+    late = len(i_ref) - len(left)
+    command, rounding = i_ref[late:], rounding_of(i_ref)
+    free = ~np.column_stack([checks.at_limits(own) for own in command.T])
+    free[1:] &= free[:-1]
+    held = is_held(left, rounding)
+    if held.all():
+        return None, []
+    steps = steps_of(left, rounding) if held[free].mean() > LAWFUL else None
+    if steps is not None and checks.findings_of_limits(rig.axes, i_ref):
+        applied = i_e.copy()
+        applied[: len(left)] += steps - np.median(steps, axis=0)
+        return applied, [APPLIED()]
+    changes = np.abs(np.where(free, np.diff(left, axis=0, prepend=left[:1]), 0.0))
+    size = np.diff(command, axis=0).std(axis=0)
+    missed = np.sqrt(np.mean(changes**2, axis=0)) / np.maximum(size, 1e-300)
+    return None, [
+        COMMAND_UNEXPLAINED(Where(channel=f"i_ref.{axis}"), share=float(part), limit=ALIKE)
+        for axis, part in zip(rig.axes, missed, strict=True)
+        if part > ALIKE
+    ]
 
 
 def _require_y(where: str, logged: Signals) -> None:

@@ -157,22 +157,7 @@ class FrequencyResponse(ByValue, WithFindings):
         if mapping is not None and not isinstance(mapping, ChannelMap):
             mapping = ChannelMap(mapping)
         raw = read_response(path, mapping, rig)
-        return cls.from_arrays(
-            raw.frequency_hz,
-            raw.response,
-            outputs=raw.outputs,
-            inputs=raw.inputs,
-            std=raw.std,
-            coherence=raw.coherence,
-            averages=raw.averages,
-            covariance=raw.covariance,
-            spread=raw.spread,
-            rig=rig,
-            name=path.stem,
-            findings=raw.findings,
-            path=path,
-            provenance=raw.provenance,
-        )
+        return cls.from_arrays(**vars(raw), rig=rig, name=path.stem, path=path)
 
     @classmethod
     def from_arrays(
