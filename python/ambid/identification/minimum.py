@@ -120,8 +120,8 @@ def _resolved(comparison: Comparison) -> Model:
     model = comparison.model
     if model.is_linear:
         return model
-    steps = 1
-    while 2 * steps < MOST_SUBSTEPS and not _is_hidden(comparison, *(model.with_substeps(k * steps) for k in (1, 2))):
+    steps, left = 1, comparison if model.structure.substeps else comparison.of(model.with_substeps(SUBSTEPS))
+    while 2 * steps < MOST_SUBSTEPS and not _is_hidden(left, *(model.with_substeps(k * steps) for k in (1, 2))):
         steps *= 2
     return model.with_substeps(max(2 * steps, model.structure.substeps or 0))
 
