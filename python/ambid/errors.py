@@ -8,8 +8,6 @@ LONGEST_MESSAGE = 2000
 """Characters of a message: about a screen. What is left out is of no help to a reader, and may be megabytes."""
 LAST_PART = 500
 """Characters of these that are kept for the end, where it says what to do."""
-MOST_NEAR = 4
-"""Near names that are suggested."""
 _UNSEEN = frozenset({"Cc", "Cf", "Cs", "Co", "Zl", "Zp"})
 """Categories of Unicode that steer a terminal, turn the direction of text, or cannot be encoded."""
 
@@ -36,7 +34,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     own, letters = _letters(name), {each: _letters(each) for each in known}
     near = [each for each, its in letters.items() if its == own and own][:1]
     if not near and len(own) >= 4:  # letters of a name that say something of it: fewer are in too many
-        near = [each for each, its in letters.items() if own in its][:MOST_NEAR]
+        near = [each for each, its in letters.items() if own in its][:4]
     if not near and (close := get_close_matches(own, letters.values(), n=1)):
         near = [next(each for each, its in letters.items() if its == close[0])]
     if not near:

@@ -27,10 +27,6 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["Design", "design"]
 
-SPREAD = 0.05
-"""Part of the power that all lines share: the best powers are on few lines, and show nothing of a model's misfit."""
-PERIODS = (512, 16384)
-"""Samples of a period, least and most."""
 ROUNDING = 1e-9
 """Part of the largest response of a parameter below which one moves nothing."""
 FINEST, COARSEST = 1e-15, 1e15
@@ -146,7 +142,7 @@ def design(
     limits: Limits | None = None,
     seconds: float | None = None,
     signal: str | None = None,
-    spread: float = SPREAD,
+    spread: float = 0.05,
 ) -> Design:
     """Find the excitation that brings most information within limits.
 
@@ -167,7 +163,8 @@ def design(
     signal : {"prbs", "multisine"}, optional
         By default the better of both.
     spread : float
-        Part of a multisine's power that all lines share, 0 to 1.
+        Part of a multisine's power that all lines share, 0 to 1: the best powers are on few lines, and show nothing of
+        a model's misfit.
 
     Returns
     -------
@@ -299,7 +296,7 @@ def _weights(full: Model, base: Model, free: list[int], wanted: Mapping[str, flo
 def _period(model: Model, seconds: float | None) -> int:
     """Samples, so that a line lies within the width of every pole, and four periods within the time."""
     rate, width = model.rig.sample_rate, model.decay_rate / np.pi
-    least, most = PERIODS
+    least, most = 512, 16384
     if seconds is not None:
         most = min(most, int(seconds * rate / FEWEST))
         if most < 16 * len(model.rig.axes):

@@ -16,13 +16,6 @@ from ambid.rig import PidController, Rig
 
 __all__ = ["Change", "changes"]
 
-GAINS = (0.8, 1.25)
-"""Gains of the controller that are tried, over the present ones."""
-AMPLITUDES = (0.5, 2.0)
-"""Amplitudes that are tried, over the present one."""
-SPEEDS = (0.5, 1.5)
-"""Speeds that are tried, over the present one."""
-
 
 @dataclass(frozen=True)
 class Change:
@@ -59,9 +52,9 @@ def changes(rig: Rig, record: Iterable[str]) -> Iterator[Change]:
     yield Change("the same once more")
     for channels in by_signal(record).values():
         yield Change(f"record {', '.join(channels)}", record=tuple(channels))
-    for factor in AMPLITUDES:
+    for factor in (0.5, 2.0):
         yield Change(f"{factor:g} times the amplitude", amplitude=factor)
-    for factor in SPEEDS if rig.speed > 0.0 else ():
+    for factor in (0.5, 1.5) if rig.speed > 0.0 else ():
         yield Change(f"speed {factor * rig.speed:.4g} rad/s", rig=rig.replace(speed=factor * rig.speed))
     # bias currents that are tried, over the present one: K_i follows it, and K_s its square
     for factor in (0.75, 1.25):
@@ -79,7 +72,7 @@ def changes(rig: Rig, record: Iterable[str]) -> Iterator[Change]:
             yield Change(f"{factor:g} times the bias current", rig=rig.replace(bearings=bearings))
     if isinstance(rig.controller, PidController):
         for key in ("proportional", "derivative"):
-            for factor in GAINS:
+            for factor in (0.8, 1.25):
                 gain = np.asarray(getattr(rig.controller, key)) * factor
                 if gain.any():
                     gains = gain.tolist() if gain.ndim == 0 else tuple(gain.tolist())

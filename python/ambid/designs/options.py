@@ -19,9 +19,6 @@ __all__ = ["MULTISINE", "PRBS", "SIGNALS", "Option", "Task", "compared"]
 
 PRBS, MULTISINE = "prbs", "multisine"
 SIGNALS = (PRBS, MULTISINE)
-HOLDS = (1, 2, 4, 8, 16)
-"""Samples per chip of the sequences that are tried."""
-ORDERS = range(5, 18)
 SILENT = 1e-6
 """Part of the largest power below which a line is left out."""
 
@@ -103,8 +100,8 @@ def compared(task: Task, signal: str | None) -> tuple[list[Option], float]:
 
 def sequences(task: Task) -> Iterator[Option]:
     """Pseudo-random binary sequences of about the period, each with another hold."""
-    for hold in HOLDS:
-        order = min(ORDERS, key=lambda n: abs(np.log((2**n - 1) * hold / task.period)))
+    for hold in (1, 2, 4, 8, 16):
+        order = min(range(5, 18), key=lambda n: abs(np.log((2**n - 1) * hold / task.period)))
         wave = prbs(order, amplitude=1.0, hold=hold, axes=len(task.model.rig.axes))
         yield Option.of(task, PRBS, {"order": order, "hold": hold}, wave)
 

@@ -19,10 +19,6 @@ from ambid.robustness import ZONES
 
 __all__ = ["Forecast", "Limits", "Peaks", "forecast"]
 
-TRAVEL = 0.05
-"""Part of the air gap that y may reach: the force law is linear to a per cent there."""
-CURRENT = 0.2
-"""Part of the bias current that i_c may reach, likewise; the magnet pulls with bias and control current."""
 MOST_OF_POWER = 0.9
 """Part of an excitation's power that its band holds."""
 
@@ -44,9 +40,9 @@ class Limits:
     Attributes
     ----------
     travel : float
-        Largest \\|y\\| over the air gap.
+        Largest \\|y\\| over the air gap; the force law is linear to a per cent up to the default.
     current : float
-        Largest \\|i_c\\| over the bias current.
+        Largest \\|i_c\\| over the bias current, likewise; the magnet pulls with bias and control current.
     excitation : float or None
         Largest \\|i_e\\| [A], or [V] of voltage-driven coils.
     slew_rate : float or None
@@ -55,8 +51,8 @@ class Limits:
         Peak sensitivity of the loop, which no excitation changes, above which a design warns: that of zone A.
     """
 
-    travel: float = TRAVEL
-    current: float = CURRENT
+    travel: float = 0.05
+    current: float = 0.2
     excitation: float | None = None
     slew_rate: float | None = None
     sensitivity: float = ZONES[0][0]

@@ -38,8 +38,6 @@ __all__ = ["PoweredLines", "Powers", "best_powers", "criterion"]
 
 HIGHEST = 0.4
 """Part of the sample rate up to which lines are excited; above, filters of converters bend what is played."""
-ROUNDS = 4000
-"""Rounds at the most; a thousand are some tenths of a second."""
 NEAR = 0.99
 """Efficiency that is proven at the end: a hundredth in variance is half a per cent of an interval."""
 
@@ -159,7 +157,7 @@ def best_powers(of: PoweredLines, wanted: FloatArray | None = None) -> Powers:
     powers /= (powers @ signals).max()
     kept, efficiency, best = [powers], 0.0, powers
     following = 1.0
-    for count in range(1, ROUNDS + 1):
+    for count in range(1, 4001):  # a thousand rounds are some tenths of a second
         information = (powers @ rows).reshape(q, q)
         if np.linalg.cond(information) > 1e14:
             raise InputError(

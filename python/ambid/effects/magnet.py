@@ -27,8 +27,6 @@ ABOUT_REST = 0.02
 
 REACH = (1.5, 0.7)
 """Currents over the bias, displacements over i0 K_i/K_s, up to which the force of magnets that differ is tabulated."""
-NODES = 81
-"""Of that table, for each of both."""
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
 
@@ -208,7 +206,7 @@ class BiasAsymmetry(_Law):
             reach = [part * unit for part, unit in zip(REACH, units, strict=True)]
             for name, power in (("bias", 1), ("strength", 2)):
                 own = partial(_even, power=power, units=units, force=bias * k_i)
-                plant.inject(f"f.{axis}", plant.table(own, signals, reach, self.slot(name), NODES))
+                plant.inject(f"f.{axis}", plant.table(own, signals, reach, self.slot(name), nodes=81))
 
 
 def _even(i: FloatArray, s: FloatArray, power: int, units: tuple[float, float], force: float) -> FloatArray:

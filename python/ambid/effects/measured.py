@@ -18,8 +18,6 @@ PORTS = {"force": "f", "current": "i_ref", "sensor": "y", "reading": "i_c"}
 """Ports that may need a signal, and the signals of the plant that it is added to."""
 OVER = ("s", "v", "i_f", "i_ref", "y")
 """Signals that a shape may be a function of."""
-NODES = 101
-"""Of the table in the core, whose cubic splines round the corners of the shape."""
 FEWEST = 10
 """Samples that each point of a shape is the mean of, at least."""
 POINTS = 12
@@ -146,7 +144,8 @@ class MeasuredShape(Effect):
         reach = max(abs(self.at[0]), abs(self.at[-1]))
         for axis in plant.axes:
             signal = plant[f"{self.over}.{axis}"]
-            shape = plant.table(self._value, [signal], reach=[reach], slot=self.slot("factor"), nodes=NODES)
+            # the cubic splines of the table round the corners of the shape
+            shape = plant.table(self._value, [signal], reach=[reach], slot=self.slot("factor"), nodes=101)
             plant.inject(f"{PORTS[self.port]}.{axis}", shape)
 
     def _value(self, x: FloatArray) -> FloatArray:

@@ -23,8 +23,6 @@ QUANTITIES = {"K_i": (1.0, "N/A"), "K_s": (1e-6, "N/µm"), "tau_e": (1e6, "µs")
 """Factors and names of the units that they are drawn in."""
 MARKERS = ("o", "^", "D", "v")
 LINES = ("-", "-.", ":", (0, (5, 1)))
-APART = 0.012
-"""Distance of the methods along the abscissa, so that their intervals do not hide each other; of the largest i0."""
 
 
 def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
@@ -71,7 +69,8 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
     for panel, strip, name, axis in zip(panels, strips, names, axes, strict=False):
         estimates = {method: dict(_joint(campaign, name, axis, method)) for method in methods}
         for m, method in enumerate(methods):
-            shift = APART * max(campaign.points[-1].bias_current(axis), 1e-9) * (m - 0.5 * (len(methods) - 1))
+            # of the largest i0, so that the intervals of the methods do not hide each other
+            shift = 0.012 * max(campaign.points[-1].bias_current(axis), 1e-9) * (m - 0.5 * (len(methods) - 1))
             _draw(panel, estimates[method], method, m, shift, dict.fromkeys(estimates[method], 0.0), factor)
             if strip is None:
                 continue

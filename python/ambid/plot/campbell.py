@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 RPM = 30.0 / np.pi
-LONG = 8.0
-"""Ratio of the highest to the lowest frequency from which on the scale is logarithmic."""
 WHIRLS: dict[str, dict[str, Any]] = {
     "forward": {"color": AXIS_COLOURS[1], "ls": "-", "marker": "^"},
     "backward": {"color": AXIS_COLOURS[0], "ls": (0, (5, 2)), "marker": "v"},
@@ -59,7 +57,7 @@ def plot_campbell(campbell: Campbell, ax: Axes | None = None) -> Axes:
     seen = np.concatenate([drawn, [own.frequency_hz for own in campbell.measured]])
     ax.set_xlim(rpm[0], rpm[-1])
     ax.set_ylim(0.0, 1.08 * seen.max(initial=1.0))
-    if seen.max(initial=1.0) > LONG * seen.min(initial=1.0):
+    if seen.max(initial=1.0) > 8.0 * seen.min(initial=1.0):
         ax.set_yscale("log")
         ax.set_ylim(0.7 * seen.min(), 1.4 * seen.max())
         plain_log(ax.yaxis)

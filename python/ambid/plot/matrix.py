@@ -17,8 +17,6 @@ from ambid.results import band_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH = 7.5
-"""Of the picture at least [inch], so that its title has room."""
 SEEN = 2.0
 """Power, in times noise, of what follows no excitation, from which on it is written."""
 SIGNS = {1: "+", -1: "−", 0: ""}
@@ -53,9 +51,8 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     across = min(3, bands)  # bands side by side
     if ax is None:
         height = 0.75 + -(-bands // across) * (0.15 * outputs + 0.48)
-        grid = new_figure(max(WIDTH, 1.2 + across * (0.55 * inputs + 0.75)), height).subplots(
-            -(-bands // across), across, sharex=True, sharey=True, squeeze=False
-        )
+        width = max(7.5, 1.2 + across * (0.55 * inputs + 0.75))  # at least so much that its title has room
+        grid = new_figure(width, height).subplots(-(-bands // across), across, sharex=True, sharey=True, squeeze=False)
         panels = list(grid.ravel())
         for unused in panels[bands:]:
             unused.set_visible(False)

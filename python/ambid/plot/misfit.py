@@ -17,8 +17,6 @@ from ambid.results import band_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FAINT = "#8a8a8a"
-
 
 def plot_misfit_map(
     found: Localisation | Sequence[MisfitMap], record: int = 0, ax: Axes | None = None, *, largest: float = np.nan
@@ -68,7 +66,7 @@ def plot_misfit_map(
     for b, row in enumerate(one.misfit):
         for c, misfit in enumerate(row):
             text = short_number(misfit) if np.isfinite(misfit) else "no line"
-            colour = FAINT if not significant[b, c] else "white" if norm(misfit) > 0.6 else "black"
+            colour = "#8a8a8a" if not significant[b, c] else "white" if norm(misfit) > 0.6 else "black"
             ax.text(c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color=colour)
     ax.set_facecolor(NOTHING)
     ax.set_xticks(np.arange(channels) + 0.5, one.channels)

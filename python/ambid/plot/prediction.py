@@ -28,9 +28,6 @@ from ambid.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-LEAST = 0.3
-"""Of the scale, times noise: few lines may hold less by chance, which says nothing."""
-
 
 def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
     """Draw the misfit over frequency as it is and as it would be with an effect, a panel for each channel.
@@ -78,7 +75,7 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
         panel.title.set_fontsize(LABEL)
     top = max(1.0, *(float(np.nanmax(own.misfit)) for own in (now, then)))
     for panel in panels[:channels]:  # once all are drawn: they may share a scale, which would keep that of the first
-        panel.set_ylim(LEAST, 1.5 * top)  # times the largest misfit, which the scale reaches
+        panel.set_ylim(0.3, 1.5 * top)  # few lines may hold less by chance, which says nothing
     if ax is None:
         plain_log(panels[0].xaxis)
         for c, panel in enumerate(panels):

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-MOST = 12
 FALL = AXIS_COLOURS[0]
 UNSURE = "#9a9a9a"
 LEAST = 0.8
@@ -33,7 +32,7 @@ LEAST = 0.8
 CELL: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": SMALL}
 
 
-def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = MOST) -> Axes:
+def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = 12) -> Axes:
     """Draw the misfit that each of the first candidates predicts, between the misfit now and noise alone.
 
     Parameters

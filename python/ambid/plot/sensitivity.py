@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 STYLES = ("-", "--", "-.", ":")
-LOWEST = 0.05
-"""|S| below which nothing is drawn: what is of interest is the peak."""
 FARTHEST = 4.0
 """Times the highest peak above which no interval is drawn: it may reach to instability."""
 
@@ -36,7 +34,7 @@ def plot_sensitivity(margins: Margins, ax: Axes | None = None) -> Axes:
     Axes
     """
     ax = new_figure(9.0, 3.4).add_subplot() if ax is None else ax
-    f, low = margins.frequency_hz, LOWEST
+    f, low = margins.frequency_hz, 0.05  # below, nothing is drawn: what is of interest is the peak
     for j, own in enumerate(margins.axes):
         colour, peak = AXIS_COLOURS[j % len(AXIS_COLOURS)], own.sensitivity
         if margins.band is not None:

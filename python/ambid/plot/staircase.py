@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 TRAIN, VALIDATION = AXIS_COLOURS[:2]
-BEYOND = 1.5
-"""Of the largest change: so far the scale of the parameters reaches."""
-MOST = 16
-"""Parameters drawn, those that moved most."""
 
 
 def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> NDArray[np.object_]:
@@ -86,7 +82,7 @@ def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
     before = {p.name: p.value for p in diagnosis.history[0].model.parameters if p.value}
     of_rig = {p.name: p.value for p in nominal(diagnosis.model.rig)}
     shared = [p for p in diagnosis.model.parameters if p.name in before and p.prior is None]
-    shared = sorted(shared, key=lambda p: -abs(p.value / before[p.name] - 1.0))[:MOST]
+    shared = sorted(shared, key=lambda p: -abs(p.value / before[p.name] - 1.0))[:16]  # those that moved most
     shared.sort(key=lambda p: diagnosis.model.names.index(p.name))
     widest = 0.0
     for row, p in enumerate(shared):
@@ -99,7 +95,7 @@ def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
         label = "last model, 95 % interval" if first else None
         ax.errorbar(now, row, xerr=np.nan_to_num(half), fmt="o", color=TRAIN, ms=5, capsize=3, label=label)
         widest = max(widest, abs(now) + np.nan_to_num(half))
-    reach = BEYOND * widest or 1.0
+    reach = 1.5 * widest or 1.0
     for row, p in enumerate(shared):
         if p.name in of_rig:
             at = 100.0 * (of_rig[p.name] - before[p.name]) / abs(before[p.name])

@@ -27,7 +27,6 @@ _MATRIX, _COMPRESSED = 14, 15
 _NUMBERS = frozenset({1, 2, 3, 4, 5, 6, 7, 9, 12, 13})
 _LETTERS = _NUMBERS | {16, 17, 18}
 _CELL, _STRUCT, _OBJECT, _CHAR, _SPARSE, _FUNCTION, _OPAQUE = 1, 2, 3, 4, 5, 16, 17
-_LARGEST_CLASS = 15
 _TYPES = dict(zip(range(6, 16), ("f8", "f4", "i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8"), strict=True))
 _MOST_DIMENSIONS = 32
 _HEADER = 128
@@ -156,7 +155,7 @@ class _Structure:
             size, at = self._element(data, at, end, _NUMBERS)
             self._inner(data, at, end, entries * (size // lengths[0]), depth)
         else:
-            self._require(_CHAR <= kind <= _LARGEST_CLASS, f"an array of class {kind}")
+            self._require(_CHAR <= kind <= max(_TYPES), f"an array of class {kind}")
             parts = (2 if kind == _SPARSE else 0) + 1 + is_complex
             for _ in range(parts):
                 _, at = self._element(data, at, end, _LETTERS if kind == _CHAR else _NUMBERS)

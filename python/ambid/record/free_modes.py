@@ -16,8 +16,6 @@ REBUILT_TOLERANCE = 0.6
 """A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
 HOLDS = 0.5
 """Part of the samples at which an excitation of steps, or none, holds: more than half make a least sum exact."""
-ROUNDS = 20
-"""Of reweighting, for the least sum of absolute values; each about halves what is left of the way."""
 
 
 def free_modes(A: FloatArray, C: FloatArray, samples: int) -> list[FloatArray]:
@@ -111,7 +109,7 @@ def _least_changes(own: FloatArray, mode: FloatArray, rounding: float) -> FloatA
         return own
     x = basis.T @ goal
     floor = np.abs(goal - basis @ x).max()
-    for _ in range(ROUNDS):
+    for _ in range(20):  # for the least sum of absolute values; each about halves what is left of the way
         change = goal - basis @ x
         weighted = basis / np.hypot(change, max(floor, 1e-3 * rounding, 1e-300))[:, None]
         x = _solved(weighted.T @ basis, weighted.T @ goal)

@@ -16,16 +16,12 @@ from ambid.record.period import mismatches
 
 __all__ = ["Repeats", "Step", "repeats"]
 
-BLOCKS = 40
-"""Stretches of a record by which a lag is judged."""
 CLEAN_SHARE = 0.3
 """Part of the stretches that must repeat: one loss spoils a period, which is half of what can be compared in three."""
 ALIKE = 0.3
 """Relative rms mismatch up to which stretches repeat: 20 % of noise on i_e. What never repeats has 1.4."""
 WORTH_A_LOOK = 1.15
 """The same over all of a record at a lag that is looked at more closely."""
-LOOKED_AT = 12
-"""Lags that are looked at more closely."""
 OUTLIER = 8.0
 """Robust standard deviations of the noise of i_e beyond which a sample does not repeat; chance has none in 1e14."""
 ROUNDING = 1e-6
@@ -116,7 +112,7 @@ def _candidates(x: FloatArray) -> list[int]:
     inner = np.arange(unlike[0] + 1, len(lags) - 1)
     dips = inner[(mismatch[inner] <= mismatch[inner - 1]) & (mismatch[inner] <= mismatch[inner + 1])]
     dips = dips[mismatch[dips] < WORTH_A_LOOK]
-    dips = dips[np.argsort(mismatch[dips])[:LOOKED_AT]]
+    dips = dips[np.argsort(mismatch[dips])[:12]]
     found = [(int(lags[k]), _of_stretches(x, int(lags[k]))) for k in dips]
     best = min((own for _, own in found), default=np.inf)
     return [lag for lag, own in found if own <= min(ALIKE, 1.5 * best + 0.01)]
@@ -129,7 +125,7 @@ def _of_stretches(x: FloatArray, lag: int) -> float:
 
 
 def _stretches(apart: FloatArray) -> list[FloatArray]:
-    return np.array_split(apart, min(BLOCKS, len(apart)))
+    return np.array_split(apart, min(40, len(apart)))
 
 
 def _apart(x: FloatArray, lag: int) -> FloatArray:

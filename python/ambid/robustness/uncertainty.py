@@ -16,12 +16,8 @@ from ambid.robustness.sensitivity import BrokenLoop
 
 COVERED = 0.95
 """Probability of the ellipsoid, and of the intervals."""
-ROUNDS = 3
-"""Of the search for the peaks of a draw, which finds them to 1e-5."""
 FEWEST_ALLOWED = 0.5
 """Part of the draws that must be what physics allows: else the covariance does not describe the parameters."""
-STEPS = 12
-"""Of the way to the worst of the ellipsoid, which ends before where nothing more is won."""
 
 
 @dataclass(frozen=True)
@@ -153,7 +149,7 @@ def _peaks_and_curve(loop: BrokenLoop, theta: FloatArray, frequency_hz: FloatArr
     """Peaks, and ``|S_jj|`` at given frequencies, from one grid."""
     grid = np.union1d(frequency_hz, loop.grid(theta))
     values = gains(loop.sensitivity(theta, grid))
-    found = find_peaks(lambda f: loop.sensitivity(theta, f), grid, values, ROUNDS)
+    found = find_peaks(lambda f: loop.sensitivity(theta, f), grid, values, rounds=3)  # they are found to 1e-5
     return found.values, values[np.searchsorted(grid, frequency_hz), : loop.axes]
 
 
@@ -180,7 +176,7 @@ def worst_of_ellipsoid(
     for start in starts:
         z = start
         value = -np.inf
-        for _ in range(STEPS):
+        for _ in range(12):
             theta = uncertainty.at(z)
             if not uncertainty.allows(theta):
                 break

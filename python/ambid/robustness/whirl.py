@@ -22,10 +22,6 @@ from ambid.threads import with_one_blas_thread
 
 SPEEDS = 61
 """Speeds of the diagram: from one to the next a pole stays nearer to itself than to the next one."""
-BEYOND = 1.25
-"""Of the largest measured speed, to which the diagram reaches."""
-AT_REST = 1000.0
-"""Speed [rad/s] to which it reaches where nothing was measured turning."""
 MOST_DAMPED = 0.7
 """Damping ratio from which on a pole has no peak, and no place in the diagram."""
 SAME = 0.5
@@ -207,7 +203,7 @@ def campbell(
     seen = tuple(own for each in known for own in _identified(each))
     if speeds is None:
         most = max((own.speed for own in seen), default=0.0)
-        speed = np.linspace(0.0, BEYOND * most if most > 0.0 else AT_REST, SPEEDS)
+        speed = np.linspace(0.0, 1.25 * most if most > 0.0 else 1000.0, SPEEDS)
     else:
         speed = np.asarray(speeds, dtype=np.float64)
         if speed.ndim != 1 or len(speed) < 2 or not (np.isfinite(speed).all() and speed[0] >= 0.0):
