@@ -27,6 +27,8 @@ from ambid.robustness.result import tolerated
 
 LISTED_SHARE = 0.02
 """Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
+DRAWS = 200
+"""Of the parameters: they give a probability to 4 % (one standard error), in less time than a diagnosis takes."""
 
 
 def story(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -241,7 +243,7 @@ def _candidates_left(last: Step) -> str:
 def _standing(model: Model, base: Model | None) -> dict[str, Any]:
     """Margins of a model with their zones, and its poles beside those of the base model."""
     try:
-        found = margins(model, draws=200)  # a probability to 4 % (one standard error), in less time than a diagnosis
+        found = margins(model, draws=DRAWS)
     except AmbidError as error:  # unstable at its values, or a covariance that determines nothing
         return {"why_not": str(error)}
     rows = [
