@@ -5,7 +5,7 @@ import pytest
 
 from ambid.errors import InputError
 from ambid.excitation import multisine, prbs
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 
 
 @pytest.mark.parametrize("order", range(2, 17))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ambid.excitation import multisine, prbs
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 
 
 @pytest.mark.parametrize("seed", range(30))

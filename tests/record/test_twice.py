@@ -11,7 +11,7 @@ import ambid
 from ambid import Model, Record, StaticLoading, prbs, static_load
 from ambid.demo import DATA
 from ambid.record import measured
-from ambid.record.twice import (
+from ambid.record.measurement import (
     findings_of_loadings,
     findings_of_repeats,
     findings_of_validation,

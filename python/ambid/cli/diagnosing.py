@@ -144,7 +144,7 @@ def rank_command(
     quiet: Quiet = False,
 ) -> None:
     """Score every effect that the model lacks by what adding it would bring; only the model itself is fitted."""
-    from ambid.record.twice import findings_of_repeats  # not at the top: --help need not open that room
+    from ambid.record.measurement import findings_of_repeats  # not at the top: --help need not open that room
 
     ambid.plot.check_format(plot)
     if predict is not None:

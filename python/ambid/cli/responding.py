@@ -50,7 +50,7 @@ def frequency_response_command(
 
     Tells which excitation the model answers wrongly at which output, band by band, with the sign of the real part.
     """
-    from ambid.record.frequency_writers import require_response_format  # not at the top: --help need not open that room
+    from ambid.record.writers import require_response_format  # not at the top: --help need not open that room
 
     written = [] if out is None else ambid.plot.picture_files(out, count_of(records))
     for path in written:

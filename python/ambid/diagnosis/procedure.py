@@ -41,7 +41,7 @@ from ambid.model.parameter import nominal
 from ambid.noise import Comparison, compare
 from ambid.noise.compared import averaged_over
 from ambid.record import Measurement, Source, measured
-from ambid.record.twice import findings_of_repeats, findings_of_validation
+from ambid.record.measurement import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
 
 __all__ = ["diagnose"]

@@ -20,7 +20,7 @@ from ambid.identification.static_slips import exchanged_bearings, far_from_nomin
 from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane, modal_geometry, rotor_of
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
-from ambid.record.twice import findings_of_loadings
+from ambid.record.measurement import findings_of_loadings
 from ambid.results import Named
 from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread

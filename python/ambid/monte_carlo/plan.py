@@ -18,7 +18,7 @@ from ambid.errors import InputError
 from ambid.model import Model, Parameter
 from ambid.monte_carlo.spread import AMPLITUDE, Spread, at_key, set_key
 from ambid.record import Record
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 from ambid.rig import Rig
 from ambid.rig.toml import toml_text
 

@@ -1,20 +1,32 @@
 """A file that is read: whatever its parser raises becomes an error that names it, and its bytes have a hash.
 
-Later changes of the file do not matter.
+Later changes of the file do not matter. What it declares is held against the memory, and against what it stores.
 """
 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ambid.errors import AmbidError, InputError
+from ambid.errors import AmbidError, InputError, RecordError
 
-__all__ = ["Provenance", "reading", "watched"]
+__all__ = ["MOST_COLUMNS", "Provenance", "most_bytes", "reading", "require_size", "watched"]
+
+SHARE_OF_MEMORY = 0.25
+"""That one array of a file may take: a record has some three, and a fit needs as much again."""
+LARGEST = 1 << 29
+"""Bytes of one array on any machine: 16 million samples of four axes, more than a fit of hours takes."""
+MOST_COMPRESSED = 1100
+"""Bytes that one stored byte may stand for: deflate makes 1032 of one at most, so that more is a damaged size."""
+SMALL = 1 << 24
+"""Bytes that are read whatever is stored for them: 16 MiB swell nothing."""
+MOST_COLUMNS = 10_000
+"""Columns, variables or channels of a file; loggers write hundreds, and a table on its side has more."""
 
 
 @contextmanager
@@ -99,3 +111,48 @@ def watched(path: Path, error: type[InputError]) -> Iterator[Provenance]:
 
 def _mark(status: os.stat_result) -> tuple[int, int, int]:
     return status.st_ino, status.st_size, status.st_mtime_ns
+
+
+def most_bytes() -> int:
+    """Bytes that one array of a file may have here: less where the machine, or this process, has little memory."""
+    try:
+        memory = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        from resource import RLIM_INFINITY, RLIMIT_AS, getrlimit
+
+        allowed = getrlimit(RLIMIT_AS)[0]
+    except (AttributeError, ImportError, OSError, ValueError):  # not a Unix
+        return LARGEST
+    memory = memory if allowed == RLIM_INFINITY else min(memory, allowed)
+    return min(LARGEST, int(SHARE_OF_MEMORY * memory))
+
+
+def require_size(path: Path, name: str, shape: Sequence[int], itemsize: int, stored: int | None = None) -> None:
+    """Refuse an array before it is read, if it is too large or larger than what is stored for it can be.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        Of the array.
+    shape : sequence of int
+        As the file declares it.
+    itemsize : int
+        Bytes of an entry.
+    stored : int, optional
+        Bytes that the file holds for it.
+
+    Raises
+    ------
+    RecordError
+    """
+    declared, most = math.prod(shape) * itemsize, most_bytes()
+    if declared > most:
+        raise RecordError(
+            f"{path}: {name} declares the shape {tuple(shape)}, {declared:.3g} bytes; at most {most:.3g} are read; "
+            "cut the record, or save it again if the shape is wrong"
+        )
+    if stored is not None and declared > max(SMALL, MOST_COMPRESSED * stored):
+        raise RecordError(
+            f"{path}: {name} declares the shape {tuple(shape)}, {declared:.3g} bytes, and {stored} are stored for it; "
+            "the file is damaged or was never filled: save it again"
+        )

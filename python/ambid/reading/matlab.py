@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from ambid.reading.sizes import most_bytes
+from ambid.reading.guard import most_bytes
 
 __all__ = ["Variable", "load_mat", "variables_of"]
 

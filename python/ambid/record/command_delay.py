@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.findings import Finding, Kind
 from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, is_held
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 from ambid.rig import Rig
 
 __all__ = ["CommandDelay", "by_current", "by_law"]

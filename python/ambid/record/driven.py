@@ -13,9 +13,9 @@ from ambid.findings import Finding, Kind, Where
 from ambid.record import checks
 from ambid.record.free_modes import REBUILT_TOLERANCE, is_held
 from ambid.record.mending import FEWEST, mended_excitation, mended_outputs
-from ambid.record.period import find_period, mismatches
 from ambid.record.raw import OF_LOOP
 from ambid.record.rebuild import ExcitationSource, rebuild_excitation, rounding_of, steps_of, unexplained
+from ambid.record.repeats import find_period, mismatches
 from ambid.rig import Rig
 
 __all__ = ["Driven", "driven"]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 
 __all__ = ["HOLDS", "REBUILT_TOLERANCE", "converter_step", "free_modes", "is_held", "without_free_modes"]
 

@@ -28,8 +28,8 @@ from ambid.record.frequency_gates import (
     require_values,
 )
 from ambid.record.frequency_readers import read_response
-from ambid.record.frequency_writers import write_response
 from ambid.record.scatter import std_of
+from ambid.record.writers import write_response
 from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 

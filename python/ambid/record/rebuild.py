@@ -20,7 +20,7 @@ from ambid.record.free_modes import (
     is_held,
     without_free_modes,
 )
-from ambid.record.period import find_period
+from ambid.record.repeats import find_period
 from ambid.rig import Rig
 
 ExcitationSource = Literal[

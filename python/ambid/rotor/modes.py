@@ -14,9 +14,8 @@ from ambid.arrays import FloatArray
 from ambid.errors import RigError
 from ambid.rig import FiniteElementRotor, MatrixRotor, ModalRotor, PointMassRotor
 from ambid.rig.rotor import SAME_PLACE
-from ambid.rotor.assembly import BeamModel, assemble, lowest_modes, place_of
+from ambid.rotor.assembly import BeamModel, assemble, lowest_modes, matrix_model, place_of
 from ambid.rotor.beam import plane_freedoms
-from ambid.rotor.matrices import matrix_model
 
 _FREE = 1e-3  # a rigid frequency above this part of the first bending frequency means a rotor that is held
 _SAME_MODE = 2.0  # a measured frequency farther than this factor from the computed one is a mistake of units
