@@ -32,7 +32,6 @@ from ambid.rig.realisation import (
 )
 
 SAMPLE_RATE = Range(1.0, 1e6, "Hz", (("kilohertz", 1e3),))
-DELAY_SAMPLES = Range(0.0, 100.0, "samples")
 _SIGN = "the loop applies the minus: i_ref = -(K y) + i_e"
 PROPORTIONAL = Range(0.0, 1e9, "A/m, or V/m with amplifier.resistance", (), _SIGN)
 INTEGRAL = Range(0.0, 1e12, "A/(m s), or V/(m s) with amplifier.resistance", (), _SIGN)
@@ -65,7 +64,7 @@ class Controller(Spec, ABC):
     """
 
     implementation: Literal["analog", "digital"] = Field(description="'analog' or 'digital'")
-    delay_samples: Annotated[float, DELAY_SAMPLES] = 0.0
+    delay_samples: Annotated[float, Range(0.0, 100.0, "samples")] = 0.0
     sample_rate: Annotated[float, SAMPLE_RATE] | None = None
     reference: bool = Field(False, strict=True, description="true or false, without quotes")
 

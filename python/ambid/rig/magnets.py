@@ -20,8 +20,6 @@ from ambid.rig.fields import (
 )
 from ambid.rig.parts import DIRECTION, Position
 
-BIAS_CURRENT = Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))
-AIR_GAP = Range(1e-5, 0.1, "m", (MILLIMETRES, MICROMETRES))
 POLE_AREA = Range(1e-7, 1.0, "m^2", (("mm^2", 1e-6), ("cm^2", 1e-4)))
 BIAS_FLUX = Range(1e-3, 2.4, "T", (("mT", 1e-3), ("gauss", 1e-4)), "iron saturates below 2.4 T")
 MU_0 = 4e-7 * math.pi
@@ -85,8 +83,8 @@ class Bearing(Spec):
     position: Position
     sensor_position: Position
     tilt: Annotated[float, DIRECTION] = 0.0
-    bias_current: Annotated[float, BIAS_CURRENT]
-    air_gap: Annotated[float, AIR_GAP]
+    bias_current: Annotated[float, Range(1e-3, 500.0, "A", (("milliamperes", 1e-3),))]
+    air_gap: Annotated[float, Range(1e-5, 0.1, "m", (MILLIMETRES, MICROMETRES))]
     force_current: Annotated[tuple[float, ...], per_axis(FORCE_CURRENT)] = Field(
         description=f"K_i, {FORCE_CURRENT.allowed}, a number or one per axis"
     )

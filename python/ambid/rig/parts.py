@@ -11,15 +11,9 @@ from ambid.rig.fields import MILLIMETRES, Range, Spec, plain, problem, refuse
 
 Position = Annotated[float, Range(unit="m")]
 
-DENSITY = Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))
-YOUNGS_MODULUS = Range(1e9, 2e12, "Pa", (("GPa", 1e9), ("MPa", 1e6)))
-LENGTH = Range(1e-5, 5.0, "m", (MILLIMETRES,))
 OUTER_DIAMETER = Range(1e-4, 3.0, "m", (MILLIMETRES,))
-INNER_DIAMETER = Range(0.0, 3.0, "m", (MILLIMETRES,))
 MASS = Range(1e-6, 1e5, "kg")
 INERTIA = Range(0.0, 1e5, "kg m^2", (("kg mm^2", 1e-6),))
-SUPPORT_STIFFNESS = Range(-1e10, 1e10, "N/m", (), "K > 0 centres")
-SUPPORT_DAMPING = Range(0.0, 1e8, "N s/m")
 DIRECTION = Range(-360.0, 360.0, "degrees")
 
 
@@ -36,8 +30,8 @@ class Material(Spec):
         Shares out shear and bending in short sections.
     """
 
-    density: Annotated[float, DENSITY]
-    youngs_modulus: Annotated[float, YOUNGS_MODULUS]
+    density: Annotated[float, Range(500.0, 23000.0, "kg/m^3", (("g/cm^3", 1e3),))]
+    youngs_modulus: Annotated[float, Range(1e9, 2e12, "Pa", (("GPa", 1e9), ("MPa", 1e6)))]
     poisson_ratio: Annotated[float, Range(0.0, 0.5)]
 
 
@@ -58,10 +52,10 @@ class Section(Spec):
         Of this section; that of the rotor if left out.
     """
 
-    length: Annotated[float, LENGTH]
+    length: Annotated[float, Range(1e-5, 5.0, "m", (MILLIMETRES,))]
     outer_diameter: Annotated[float, OUTER_DIAMETER]
     outer_diameter_end: Annotated[float, OUTER_DIAMETER] | None = None
-    inner_diameter: Annotated[float, INNER_DIAMETER] = 0.0
+    inner_diameter: Annotated[float, Range(0.0, 3.0, "m", (MILLIMETRES,))] = 0.0
     material: Material | None = Field(None, description="a table with density, youngs_modulus, poisson_ratio")
 
     @model_validator(mode="after")
@@ -114,8 +108,8 @@ class Support(Spec):
     """
 
     position: Position | None = None
-    stiffness: Annotated[float, SUPPORT_STIFFNESS] = 0.0
-    damping: Annotated[float, SUPPORT_DAMPING] = 0.0
+    stiffness: Annotated[float, Range(-1e10, 1e10, "N/m", (), "K > 0 centres")] = 0.0
+    damping: Annotated[float, Range(0.0, 1e8, "N s/m")] = 0.0
 
     @property
     def z(self) -> float:

@@ -16,9 +16,6 @@ from ambid.rig.realisation import Matrix
 from ambid.rig.rotor_files import MATRIX_KEYS, MOST_NODES, matrices_of_file
 
 DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
-FREQUENCY = Range(0.1, 1e5, "Hz")
-MODE_FREQUENCY = Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")
-MASS_DAMPING = Range(0.0, 1e5, "1/s", (), "damping to ground over mass")
 
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
@@ -31,7 +28,7 @@ MOST_SECTIONS = 1000
 class _AnyRotor(Spec):
     """What holds every rotor beside its magnets, as far as it is known."""
 
-    mass_damping: Annotated[float, MASS_DAMPING] = 0.0
+    mass_damping: Annotated[float, Range(0.0, 1e5, "1/s", (), "damping to ground over mass")] = 0.0
     # supports of a rotor; more are a bed, which mass_damping or the shaft's matrices describe
     support: tuple[Support, ...] = Field((), max_length=100, description="[[rotor.support]] tables")
 
@@ -50,7 +47,7 @@ class _FlexibleRotor(_AnyRotor):
 
     flexible_modes: int = Field(0, ge=0, le=100, strict=True, description="a whole number of bending modes, 0 to 100")
     modal_damping: Annotated[float | tuple[float, ...], per_axis(DAMPING)] = 0.0
-    bending_frequencies_hz: tuple[Annotated[float, FREQUENCY], ...] | None = Field(
+    bending_frequencies_hz: tuple[Annotated[float, Range(0.1, 1e5, "Hz")], ...] | None = Field(
         None, description="a list of measured free-free frequencies in Hz, ascending"
     )
 
@@ -252,7 +249,7 @@ class ModalRotor(_AnyRotor):
     """
 
     kind: Literal["modes"] = "modes"
-    frequencies_hz: tuple[Annotated[float, MODE_FREQUENCY], ...] = Field(
+    frequencies_hz: tuple[Annotated[float, Range(0.0, 1e5, "Hz", (), "0 for a rigid mode")], ...] = Field(
         min_length=1, description="a list of natural frequencies in Hz, 0 for a rigid mode"
     )
     damping: tuple[Annotated[float, DAMPING], ...] = Field(description="a list of damping ratios, one per mode")
