@@ -15,9 +15,6 @@ from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.results import of_unit, speed_text
 
-SPEED = 200.0
-"""At which the demo's bench is taken to turn [rad/s], so that every effect has its parameters."""
-
 
 def effects_command(
     name: Annotated[
@@ -30,7 +27,9 @@ def effects_command(
     """List the catalogue: physics, equation, parameters with what is allowed, signature in the residual, source."""
     require_outputs({"--rig": rig}, {"--json": json_file})
     chosen = ambid.CATALOGUE if name is None else (ambid.effects.find(name),)
-    machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml").replace(speed=SPEED) if rig is None else ambid.Rig.load(rig)
+    machine = ambid.Rig.load(ambid.demo.DATA / "rig.toml" if rig is None else rig)
+    if rig is None:  # at rest not every effect would have its parameters
+        machine = machine.replace(speed=200.0)
     with stoppable():
         entries = [_entry(effect, machine) for effect in chosen]
     head = f"parameters and their ranges on {machine.name!r} at {speed_text(machine.speed)}"

@@ -10,8 +10,6 @@ from ambid.errors import ModelError, RigError
 
 __all__ = ["with_effects"]
 
-EXAMPLE = "loop_delay:delay=5e-5"
-
 
 def with_effects(model: ambid.Model, options: Sequence[str]) -> ambid.Model:
     """Return the model with the effects that options such as ``sensor_lag:time_constant=2e-5`` name.
@@ -76,7 +74,7 @@ def _built(model: ambid.Model, effect: ambid.Effect) -> ambid.Model:
 def _assignment(text: str) -> tuple[str, str]:
     key, equals, value = (part.strip() for part in text.partition("="))
     if not (key and equals and value):
-        raise ModelError(f"{text!r}: expected NAME or NAME:param=value,..., such as {EXAMPLE}")
+        raise ModelError(f"{text!r}: expected NAME or NAME:param=value,..., such as loop_delay:delay=5e-5")
     return key, value
 
 

@@ -27,10 +27,6 @@ from ambid.threads import with_one_blas_thread
 
 __all__ = ["Design", "design"]
 
-ROUNDING = 1e-9
-"""Part of the largest response of a parameter below which one moves nothing."""
-FINEST, COARSEST = 1e-15, 1e15
-"""Of a parameter's scale: half of the narrowest and of the widest interval that can be wanted."""
 SENSITIVE = Kind(
     "peaks_uncertain",
     "warning",
@@ -247,7 +243,7 @@ def _with_sizes(base: Model, effects: Sequence[Effect | str]) -> tuple[Model, li
     everything = list(range(len(full.names)))
     slopes = full.loop.core.lines(full.theta, everything, w, u, None, False)[1]
     moves = np.abs(slopes).max(axis=(0, 1)) * [p.scale for p in full.parameters]
-    return full, [k for k in everything if moves[k] > ROUNDING * moves.max()]
+    return full, [k for k in everything if moves[k] > 1e-9 * moves.max()]
 
 
 def _smallest(lower: float, upper: float, typical: float) -> float:
@@ -273,7 +269,7 @@ def _half_widths(model: Model, accuracy: Mapping[str, float | str]) -> dict[str,
             if share and parameter.name.split(".")[0] in {own.name for own in model.effects}:
                 raise InputError(f"accuracy of {parameter.name} = {text!r}: an effect has no value; give SI units")
             half = number / 100.0 * abs(parameter.value) if share else number
-            least, most = FINEST * parameter.scale, COARSEST * parameter.scale
+            least, most = 1e-15 * parameter.scale, 1e15 * parameter.scale
             if not least <= half <= most:
                 allowed = f"{least:.3g} to {most:.3g} {parameter.unit}, half the width of its 95 % interval"
                 raise InputError(f"accuracy of {parameter.name} = {text!r}: expected {allowed}")

@@ -19,8 +19,6 @@ __all__ = ["MULTISINE", "PRBS", "SIGNALS", "Option", "Task", "compared"]
 
 PRBS, MULTISINE = "prbs", "multisine"
 SIGNALS = (PRBS, MULTISINE)
-SILENT = 1e-6
-"""Part of the largest power below which a line is left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +115,7 @@ def multisines(task: Task) -> tuple[list[Option], float]:
     found = []
     for powers in (*best.on_the_way, best.powers):
         mixed = (1.0 - task.spread) * powers + task.spread * flat
-        mixed[mixed < SILENT * mixed.max()] = 0.0
+        mixed[mixed < 1e-6 * mixed.max()] = 0.0
         wave = min((_wave(task, lines, mixed, signal) for signal in lines.answers), key=lambda own: _load(task, own))
         found.append(Option.of(task, MULTISINE, {"period": task.period, "lines": _strong(mixed)}, wave))
     return found, best.efficiency

@@ -40,7 +40,6 @@ PANELS = {
 }
 HALF = 0.5
 """Part of the excess misfit that a port, and a shape, must explain to be drawn."""
-BINS = 15
 OTHER_AXIS = " of the other axis"
 SEEN = 3.0
 """Misfit of a band, in times noise, beyond which what it needs is more than noise carried back to the port."""
@@ -128,7 +127,7 @@ def _best_in_seen_bands(found: Localisation) -> Port:
 def _bins(x: FloatArray, needed: FloatArray) -> FloatArray:
     """Means of x and of the needed signal, and the 1/6 and 5/6 quantiles, over bins of equally many samples."""
     order = np.argsort(x, axis=None)
-    parts = zip(np.array_split(x.ravel()[order], BINS), np.array_split(needed.ravel()[order], BINS), strict=True)
+    parts = zip(*(np.array_split(own.ravel()[order], 15) for own in (x, needed)), strict=True)
     return np.array([(a.mean(), b.mean(), *np.quantile(b, [1 / 6, 5 / 6])) for a, b in parts]).T
 
 

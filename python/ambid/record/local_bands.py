@@ -45,8 +45,6 @@ USUAL = Form(DEGREE, 2)
 LOWEST = Form(2 * DEGREE + 1, 6, 2)
 """The same of the lowest band and its mirror image: as many real numbers as complex ones elsewhere. Three pairs of
 poles: the two rigid modes of a plane, and integrators."""
-ROUNDS = 4
-"""So often is that polynomial found anew, weighted by the one before."""
 STEPS = 3
 """Steps of Gauss and Newton from there to the least squares, of which the covariance is: beside a mode that is narrower
 than the lines are apart the error had twice its variance without."""
@@ -204,7 +202,7 @@ def _common_poles(across: ComplexArray, z: ComplexArray, x: FloatArray, order: i
     powers = _powers(x, order)
     below, here = np.ones((bands, lines), dtype=complex), across
     poles, squares = np.zeros((bands, order), dtype=complex), _squares(across, z)
-    for _ in range(ROUNDS):
+    for _ in range(4):
         even = z / below[:, :, None] / np.sqrt(squares / lines)[:, None]
         stacked = (powers[:, :, None] * even[:, :, None, :]).reshape(bands, lines, -1)
         seen = (_adjoint(here) @ stacked).reshape(bands, -1, order + 1, channels).swapaxes(2, 3)
