@@ -293,7 +293,10 @@ def to_mat(model: Model, path: str | Path) -> None:
     content: dict[str, Any] = {"dt": model.loop.sample_time, "name": model.rig.name}
     for system, suffix in ((loop, ""), (plant, "_plant")):
         content |= {f"{key}{suffix}": getattr(system, key) for key in ("A", "B", "C", "D")}
-        content |= {f"{key}{suffix}": _cells(getattr(system, key)) for key in ("inputs", "outputs")}
+        content |= {
+            f"{key}{suffix}": np.array(getattr(system, key), dtype=object).reshape(-1, 1)
+            for key in ("inputs", "outputs")
+        }
     content["parameters"] = {p.name.replace(".", "_"): p.value for p in model.parameters}
     with whole_file(path) as stream:
         scipy.io.savemat(stream, content, long_field_names=True)
@@ -346,8 +349,3 @@ def _holding(K: FloatArray, z: FloatArray) -> float:
         float(np.abs(K @ motion).max() / (np.abs(K) @ np.abs(motion)).max())
         for motion in (np.column_stack(columns).ravel() for columns in motions)
     )
-
-
-def _cells(names: tuple[str, ...]) -> Any:
-    """A MATLAB cell array of names."""
-    return np.array(names, dtype=object).reshape(-1, 1)

@@ -115,7 +115,8 @@ def identify_command(
     lines = [f"{slip.severity}: {slip.line(advises=not estimate.is_adequate)}" for slip in slips]
     command = command_of([estimate.next_step])
     update = updated(estimate, save_rig)
-    text = "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *_first(slips)])
+    first = [MEND] if any(slip.severity == "error" for slip in slips) else []
+    text = "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *first])
     conclude(
         f"{text}{update.text}",
         {**estimate.to_json(), "next_command": command, "check": lines, **update.data},
@@ -167,11 +168,6 @@ def _slips(machine: ambid.Rig, loaded: list[ambid.Record], estimate: ambid.Estim
     if not is_whole:
         findings = tuple(found for found in findings if has([found], OPERATING_POINT_DRIFT))
     return [found for found in findings if found.severity != "note" and (found.code, found.message) not in known]
-
-
-def _first(slips: list[Finding]) -> list[str]:
-    """What to do before all else where rig and record contradict each other."""
-    return [MEND] if any(slip.severity == "error" for slip in slips) else []
 
 
 def _weights(texts: list[str]) -> str | dict[str, float]:

@@ -23,7 +23,6 @@ from ambid.plot.style import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 FALL = AXIS_COLOURS[0]
 UNSURE = "#9a9a9a"
@@ -53,7 +52,8 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = 12) ->
     from matplotlib.lines import Line2D
 
     shown = ranking.candidates[:most]
-    ax = _figure(ranking, most).add_subplot() if ax is None else ax
+    if ax is None:  # as high as its rows need
+        ax = new_figure(9.0, 0.2 * max(len(shown), 3) + 1.3).add_subplot()
     significant = {c.effect.name for c in ranking.significant}
     like_first = set(shown[0].confusable_with) if shown else set()
     now = max(ranking.misfit, 1.0)
@@ -102,11 +102,6 @@ def save_ranking(ranking: Ranking, path: str | Path) -> Path:
         If the suffix is none of .png, .pdf, .svg.
     """
     return save_drawn(path, lambda: plot_ranking(ranking))
-
-
-def _figure(ranking: Ranking, most: int) -> Figure:
-    """As high as its rows need."""
-    return new_figure(9.0, 0.2 * max(min(len(ranking.candidates), most), 3) + 1.3)
 
 
 def _percent(taken: float) -> str:

@@ -9,7 +9,6 @@ import numpy as np
 
 from ambid.diagnosis import Diagnosis
 from ambid.noise import Comparison, compare
-from ambid.noise.compared import RecordComparison
 from ambid.report import pictures
 from ambid.report.pictures import Picture
 
@@ -76,7 +75,7 @@ def before_and_after(diagnosis: Diagnosis, before: Comparison, is_moved: bool) -
 
 def _shown(role: str, before: Comparison, after: Comparison | None, k: int, *, is_drawn: bool) -> Shown:
     pair = before.records[k], (before if after is None else after).records[k]
-    fits, misfits = [_fit(own) for own in pair], [own.misfit for own in pair]
+    fits, misfits = [float(own.as_dict()["fit_percent"]["average"]) for own in pair], [own.misfit for own in pair]
     drawn: dict[str, Any] = {}
     if is_drawn:
         drawn = {"signals": pictures.signals(before, after, k), "responses": pictures.responses(before, after, k)}
@@ -89,7 +88,3 @@ def _shown(role: str, before: Comparison, after: Comparison | None, k: int, *, i
         float(pair[0].as_dict()["noise_ceiling_percent"]["average"]),
         **drawn,
     )
-
-
-def _fit(own: RecordComparison) -> float:
-    return float(own.as_dict()["fit_percent"]["average"])
