@@ -27,7 +27,6 @@ _KINDS = {
     "rotor": ("finite_elements", "matrices", "modes", "mass"),
     "controller": ("pid", "state_space", "transfer_function"),
 }
-_LONGEST_VALUE = 70
 LEAST = 1e-30
 """Smallest size of a physical quantity that is not 0, in SI units; the inverse of less overflows in a square."""
 MOST = 1e100
@@ -229,16 +228,16 @@ def rig_error(error: ValidationError, source: str, data: Any) -> RigError:
     """
     lines = []
     for entry in error.errors():
-        found = " is missing" if entry["input"] is NOTHING else f" = {_shown(entry['input'])}"
+        found = " is missing" if entry["input"] is NOTHING else f" = {shortened(repr(entry['input']), 70)}"
         where = _path(entry["loc"], data) or "the whole"
         lines.append(f"  {source}: {where}{found}: {entry['msg']}")
     count = f"{len(lines)} problem{'s' if len(lines) > 1 else ''}"
     return RigError("\n".join([f"{source}: {count} in the description of the rig", *lines]))
 
 
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 4]} ..."
+def shortened(text: str, most: int) -> str:
+    """A text of so many characters at the most."""
+    return text if len(text) <= most else f"{text[: most - 4]} ..."
 
 
 def _path(location: tuple[str | int, ...], data: Any) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from ambid.findings import Finding, Kind, Where
-from ambid.rig.fields import plain
+from ambid.rig.fields import plain, shortened
 from ambid.rig.rig import Rig
 from ambid.rig.rotor import MatrixRotor
 
@@ -16,8 +16,6 @@ MAGNETS_CENTRE = Kind(
     "K_s = {k_s:.4g} N/m is negative: the magnet centres the rotor, as passive and repelling ones do",
     "an attracting magnet has K_s > 0 (f = K_i i + K_s s): correct the sign if it is one",
 )
-LONGEST_VALUE = 40
-"""Characters of a value that are shown."""
 MISSING = "nothing"
 
 
@@ -80,4 +78,4 @@ def _text(value: Any) -> str:
         text = f"[{', '.join(_text(own) for own in value)}]"
     else:
         text = MISSING if value is None else "a table" if isinstance(value, dict) else repr(value)
-    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 4]} ..."
+    return shortened(text, 40)
