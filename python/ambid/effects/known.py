@@ -129,11 +129,8 @@ class _OfRotor(Known, RotorInertiaError):
 
     def attach(self, plant: Plant) -> None:
         """The force of the motion is divided by 1 + d."""
-        if isinstance(plant.rig.rotor, PointMassRotor):
-            motion = np.ones(1)
-        else:
-            motion = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))[self.key]
-        divide_forces(plant, {self.slot(""): motion})
+        is_point = isinstance(plant.rig.rotor, PointMassRotor)
+        divide_forces(plant, {self.slot(""): np.ones(1) if is_point else plant.rotor.rigid_motions()[self.key]})
 
     def _with(self, rig: Rig, parameter: str, error: float) -> Rig | None:
         return with_inertia(rig, self.key, error)

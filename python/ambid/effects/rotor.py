@@ -235,7 +235,7 @@ class RotorInertiaError(Effect):
 
     def attach(self, plant: Plant) -> None:
         """The force of rotation and translation is divided by 1 + d."""
-        motions = dict(zip(("mass", "inertia"), plant.rotor.rigid_motions(), strict=True))
+        motions = plant.rotor.rigid_motions()
         divide_forces(plant, {self.slot(p.name): motions[p.name] for p in self.parameters(plant.rig)})
 
 

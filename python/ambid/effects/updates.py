@@ -49,7 +49,7 @@ def with_inertia(rig: Rig, motion: str, error: float) -> Rig | None:
     if isinstance(rotor, PointMassRotor):
         return rig.replace(rotor=_with(rotor, mass=(1.0 + error) * rotor.mass)) if motion == "mass" else None
     reduced = rotor_of(rig)
-    u = dict(zip(("mass", "inertia"), reduced.rigid_motions(), strict=True))[motion]
+    u = reduced.rigid_motions()[motion]
     if isinstance(rotor, ModalRotor):
         shapes = np.array(rotor.shapes)
         shapes[:2] += ((1.0 + error) ** -0.5 - 1.0) * np.outer(u, u @ shapes[:2])

@@ -78,18 +78,19 @@ class ReducedRotor:
         """Modes of zero frequency in each plane; they come first."""
         return int(np.count_nonzero(self.frequencies_rad_s == 0.0))
 
-    def rigid_motions(self) -> tuple[FloatArray, FloatArray]:
+    def rigid_motions(self) -> dict[str, FloatArray]:
         """Translation, and rotation about the centre of mass, as combinations of the two rigid modes of a plane.
 
         Returns
         -------
-        translation, rotation : ndarray, shape (2,)
-            Orthogonal, of unit length: rigid modes that are given may be any orthogonal mixture of the two.
+        dict of str to ndarray, shape (2,)
+            By what resists, ``mass`` and ``inertia``. Orthogonal, of unit length: rigid modes that are given may be any
+            orthogonal mixture of the two.
         """
         slopes = np.polynomial.polynomial.polyfit(self.positions, self.shapes[:, :2], 1)[1]
         rotation = slopes / np.linalg.norm(slopes)
         rotation[np.abs(rotation) < 1e-12] = 0.0
-        return np.array([rotation[1], -rotation[0]]), rotation
+        return {"mass": np.array([rotation[1], -rotation[0]]), "inertia": rotation}
 
     def in_one_plane(self) -> ReducedRotor:
         """The same rotor where something else guides it across one plane, and holds its gyroscopic moments."""
