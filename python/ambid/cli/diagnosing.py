@@ -33,15 +33,7 @@ from ambid.cli.options import (
     names,
     span,
 )
-from ambid.cli.outputs import (
-    Files,
-    conclude,
-    drawn,
-    pictures,
-    reported,
-    require_outputs,
-    saved,
-)
+from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
 from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
 from ambid.cli.updating import files_of_mended, mended, require_rig, updated

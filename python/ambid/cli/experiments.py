@@ -11,17 +11,7 @@ import typer
 import ambid
 from ambid.cli.effect_option import with_effects
 from ambid.cli.files import load_model, load_rig, naming_unstable
-from ambid.cli.options import (
-    Channels,
-    Exact,
-    Force,
-    JsonFile,
-    ModelFile,
-    Quiet,
-    RigFile,
-    known_effects,
-    noise_of,
-)
+from ambid.cli.options import Channels, Exact, Force, JsonFile, ModelFile, Quiet, RigFile, known_effects, noise_of
 from ambid.cli.outputs import conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError, WrongUnit

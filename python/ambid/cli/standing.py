@@ -77,11 +77,7 @@ def poles_command(
         earlier = None if before is None else ambid.pole_map(load_model(machine, before))
     data = found.to_json() | ({} if earlier is None else {"before": earlier.to_json()})
     conclude(
-        found,
-        data,
-        json_file,
-        quiet,
-        lambda: () if plot is None else [ambid.plot.save_poles(found, plot, earlier)],
+        found, data, json_file, quiet, lambda: () if plot is None else [ambid.plot.save_poles(found, plot, earlier)]
     )
 
 

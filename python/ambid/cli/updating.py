@@ -20,9 +20,7 @@ DOUBTFUL = Kind(
     "find what is missing first",
 )
 NOT_UPDATED = Kind(
-    "rig_not_updated",
-    "warning",
-    "not written: the records were not fitted with the errors of the rig file's values",
+    "rig_not_updated", "warning", "not written: the records were not fitted with the errors of the rig file's values"
 )
 NOT_MENDED = Kind(
     "record_not_mended", "warning", "not written: no error of a record is named that could be taken out of it"

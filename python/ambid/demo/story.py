@@ -25,14 +25,7 @@ The rig file, a pseudo-random record and five static loadings; then two records 
 the rig file does not state (`hidden_train.mat`; `hidden_validate.mat` at half the amplitude), and `hidden_truth.json`.
 """
 
-FILES = (
-    "report.html",
-    "measured_and_simulated.png",
-    "misfit_map.png",
-    "ranking.png",
-    "misfit_falls.png",
-    "model.json",
-)
+FILES = ("report.html", "measured_and_simulated.png", "misfit_map.png", "ranking.png", "misfit_falls.png", "model.json")
 """What the story leaves in its folder, in the order of reading."""
 
 

@@ -191,9 +191,8 @@ def design(
     periods, findings = periods_of(task, chosen, known, wanted, seconds)
     i_e = np.tile(chosen.wave, (periods, 1))
     period = len(chosen.wave)
-    i_e /= max(
-        1.0, forecast(base, i_e, period=period, limits=limits).load
-    )  # a start may last longer than was looked at
+    # a start may last longer than was looked at
+    i_e /= max(1.0, forecast(base, i_e, period=period, limits=limits).load)
     expected = prospect(known, i_e, period=period, instruments=instruments)
     shown = visible(prospect(base, i_e, period=period, instruments=instruments).comparison)
     others = without_signals(task, signal, known, wanted, expected)

@@ -70,10 +70,7 @@ def periods_of(
     if needed <= max(most, FEWEST):
         return needed, beyond
     played = max(most, FEWEST)
-    return played, (
-        *beyond,
-        TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate),
-    )
+    return played, (*beyond, TOO_SHORT(needed_s=needed * period / rate, seconds_s=played * period / rate))
 
 
 def _needed(task: Task, option: Option, known: Model, wanted: Mapping[str, float]) -> tuple[int, tuple[Finding, ...]]:

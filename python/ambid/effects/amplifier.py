@@ -304,9 +304,4 @@ class LoopDelay(Effect):
         plant.delay_commands(self.slot("delay"))
 
 
-EFFECTS = (
-    AmplifierBandwidth(),
-    AmplifierVoltageLimit(),
-    CommandSaturation(),
-    LoopDelay(),
-)
+EFFECTS = (AmplifierBandwidth(), AmplifierVoltageLimit(), CommandSaturation(), LoopDelay())

@@ -370,10 +370,4 @@ class Unbalance(Wave):
                 plant.push(place, np.eye(plant.rotor.planes)[plane], force)
 
 
-EFFECTS = (
-    RotorBendingMode(),
-    BendingModeShift(),
-    RotorInertiaError(),
-    GyroscopicCoupling(),
-    Unbalance(),
-)
+EFFECTS = (RotorBendingMode(), BendingModeShift(), RotorInertiaError(), GyroscopicCoupling(), Unbalance())

@@ -35,9 +35,7 @@ CONTROLLER = Kind(
     "correct the controller in the rig file",
 )
 CONTROLLER_MAY_BE = Kind(
-    "controller_may_be_wrong",
-    "warning",
-    f"{{effect}}, which explains the data as well, would mean that {RIG_FILE}",
+    "controller_may_be_wrong", "warning", f"{{effect}}, which explains the data as well, would mean that {RIG_FILE}"
 )
 
 

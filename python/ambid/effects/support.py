@@ -312,10 +312,4 @@ class FoundationResonance(OneProbe):
                 plant.inject(f"{signal}.{axis}", -moved)
 
 
-EFFECTS = (
-    SealForces(),
-    CouplingStiffness(),
-    MagneticPull(),
-    RotorContact(),
-    FoundationResonance(),
-)
+EFFECTS = (SealForces(), CouplingStiffness(), MagneticPull(), RotorContact(), FoundationResonance())

@@ -17,13 +17,7 @@ from ambid.loop.loop import Loop, Simulator
 from ambid.model.contents import Contents
 from ambid.model.experiment import inputs_of, simulated, virtual_experiment
 from ambid.model.file import read_model, write_model
-from ambid.model.operating_point import (
-    further_points,
-    nominal_of_points,
-    outputs_of,
-    parameters_at,
-    selected_outputs,
-)
+from ambid.model.operating_point import further_points, nominal_of_points, outputs_of, parameters_at, selected_outputs
 from ambid.model.parameter import Parameter, of_effect, shared, split, to_rig
 from ambid.model.structure import Structure, is_nonlinear, require_allowed
 from ambid.record import Measurement, Record

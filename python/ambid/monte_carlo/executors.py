@@ -70,9 +70,8 @@ def _client_of_dask(executor: Any) -> Any:
     from distributed.cfexecutor import ClientExecutor
 
     if isinstance(executor, ClientExecutor):
-        return (
-            executor._client
-        )  # its futures cannot be the arguments of tasks, so that it would send the plan with each
+        # its futures cannot be the arguments of tasks, so that it would send the plan with each
+        return executor._client
     return executor if isinstance(executor, Client) else None
 
 

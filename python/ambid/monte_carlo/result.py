@@ -21,10 +21,7 @@ __all__ = ["Accuracy", "MonteCarlo"]
 
 RUNS_FAILED = Kind("runs_failed", "warning", "{failed} of {runs} runs failed: {reason}")
 TOO_FEW_RUNS = Kind(
-    "too_few_runs",
-    "note",
-    "no bias and no spread: they take two runs that determine a parameter",
-    "make more runs",
+    "too_few_runs", "note", "no bias and no spread: they take two runs that determine a parameter", "make more runs"
 )
 
 

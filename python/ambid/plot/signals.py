@@ -122,10 +122,7 @@ def plot_comparison(
 
 
 def worst_stretch(
-    comparison: Comparison,
-    record: int = 0,
-    channel: str | None = None,
-    seconds: float = 0.06,
+    comparison: Comparison, record: int = 0, channel: str | None = None, seconds: float = 0.06
 ) -> tuple[float, float]:
     """Where the residual of a channel is largest when the transient has gone, from and to [s].
 
@@ -155,11 +152,7 @@ def worst_stretch(
 
 
 def draw_record(
-    comparison: Comparison,
-    record: int = 0,
-    *,
-    stretch: tuple[float, float] | None = None,
-    before: Model | None = None,
+    comparison: Comparison, record: int = 0, *, stretch: tuple[float, float] | None = None, before: Model | None = None
 ) -> Figure:
     """Draw all channels of a record over one stretch, a column a signal: displacements, currents, further ones."""
     one = _record(comparison, record)
@@ -202,11 +195,7 @@ def legend(figure: Figure | SubFigure, above: Axes, below: Axes) -> None:
 
 
 def save_comparison(
-    comparison: Comparison,
-    path: str | Path,
-    *,
-    stretch: tuple[float, float] | None = None,
-    before: Model | None = None,
+    comparison: Comparison, path: str | Path, *, stretch: tuple[float, float] | None = None, before: Model | None = None
 ) -> list[Path]:
     """Write one picture per record, as `plot_comparison` draws each channel; several records get numbered names.
 

@@ -166,8 +166,7 @@ def _read_parquet(path: Path) -> Iterator[Content]:
             return Stored((rows,), _numpy_type(kind), lambda: file.read([name], use_threads=False)[name].to_numpy())
 
         yield Content(
-            {name: stored(name, kind) for name, kind in zip(names, file.schema_arrow.types, strict=True)},
-            is_table=True,
+            {name: stored(name, kind) for name, kind in zip(names, file.schema_arrow.types, strict=True)}, is_table=True
         )
 
 

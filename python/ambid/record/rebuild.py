@@ -12,14 +12,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.command_delay import CommandDelay, by_current, by_law
-from ambid.record.free_modes import (
-    HOLDS,
-    REBUILT_TOLERANCE,
-    converter_step,
-    free_modes,
-    is_held,
-    without_free_modes,
-)
+from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, converter_step, free_modes, is_held, without_free_modes
 from ambid.record.repeats import find_period
 from ambid.rig import Rig
 

@@ -133,12 +133,7 @@ _WRITERS: dict[str, Writer] = {
     ".parquet": _write_parquet,
     ".tdms": _write_tdms,
 }
-_NEEDED = {
-    ".h5": ("h5py",),
-    ".hdf5": ("h5py",),
-    ".parquet": ("pyarrow", "pyarrow.parquet"),
-    ".tdms": ("nptdms",),
-}
+_NEEDED = {".h5": ("h5py",), ".hdf5": ("h5py",), ".parquet": ("pyarrow", "pyarrow.parquet"), ".tdms": ("nptdms",)}
 """Packages beyond those that ambid always has, by suffix."""
 
 

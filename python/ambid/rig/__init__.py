@@ -1,11 +1,6 @@
 """What is known of a machine before any record is read: the rig file and its tables."""
 
-from ambid.rig.controller import (
-    Controller,
-    PidController,
-    StateSpaceController,
-    TransferFunctionController,
-)
+from ambid.rig.controller import Controller, PidController, StateSpaceController, TransferFunctionController
 from ambid.rig.magnets import Actuator, Amplifier, Bearing
 from ambid.rig.parts import Disk, Material, Section, Sensor, Support
 from ambid.rig.rig import Rig, as_rig

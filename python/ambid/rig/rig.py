@@ -13,19 +13,8 @@ from ambid.channels import SIGNALS, Channel
 from ambid.errors import RigError
 from ambid.reading import Provenance, reading
 from ambid.results import html_table
-from ambid.rig.controller import (
-    SAMPLE_RATE,
-    AnyController,
-    Controller,
-)
-from ambid.rig.fields import (
-    NOTHING,
-    Range,
-    Spec,
-    problem,
-    refuse,
-    rig_error,
-)
+from ambid.rig.controller import SAMPLE_RATE, AnyController, Controller
+from ambid.rig.fields import NOTHING, Range, Spec, problem, refuse, rig_error
 from ambid.rig.magnets import Actuator, Amplifier, Bearing
 from ambid.rig.parts import Sensor
 from ambid.rig.rotor import PointMassRotor, Rotor, off_the_shaft
