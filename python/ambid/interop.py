@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -258,12 +259,17 @@ def to_control(model: Model) -> Any:
         If python-control is not installed.
     """
     loop = _closed_loop(model)
+    return control_system((loop.A, loop.B, loop.C, loop.D, model.loop.sample_time), loop.inputs, loop.outputs)
+
+
+def control_system(system: Sequence[Any], inputs: Sequence[str], outputs: Sequence[str]) -> Any:
+    """A state space of python-control from what makes one; see `to_control`."""
     try:
         control = importlib.import_module("control")
     except ImportError:
         raise InputError("to_control needs the package control: pip install 'ambid[control]'") from None
-    inputs, outputs = ([name.replace(".", "_") for name in side] for side in (loop.inputs, loop.outputs))
-    return control.ss(loop.A, loop.B, loop.C, loop.D, model.loop.sample_time, inputs=inputs, outputs=outputs)
+    names = [[name.replace(".", "_") for name in side] for side in (inputs, outputs)]
+    return control.ss(*system, inputs=names[0], outputs=names[1])
 
 
 def to_mat(model: Model, path: str | Path) -> None:
@@ -292,14 +298,19 @@ def to_mat(model: Model, path: str | Path) -> None:
     loop, plant = _closed_loop(model), _plant_at(model)
     content: dict[str, Any] = {"dt": model.loop.sample_time, "name": model.rig.name}
     for system, suffix in ((loop, ""), (plant, "_plant")):
-        content |= {f"{key}{suffix}": getattr(system, key) for key in ("A", "B", "C", "D")}
-        content |= {
-            f"{key}{suffix}": np.array(getattr(system, key), dtype=object).reshape(-1, 1)
-            for key in ("inputs", "outputs")
-        }
+        content |= {f"{key}{suffix}": getattr(system, key) for key in ("A", "B", "C", "D", "inputs", "outputs")}
     content["parameters"] = {p.name.replace(".", "_"): p.value for p in model.parameters}
+    write_mat(path, content)
+
+
+def write_mat(path: Path, content: Mapping[str, Any]) -> None:
+    """Write variables as a .mat file (v5), a tuple of texts as a cell array."""
+    cells = {
+        name: np.array(value, dtype=object).reshape(-1, 1) if isinstance(value, tuple) else value
+        for name, value in content.items()
+    }
     with whole_file(path) as stream:
-        scipy.io.savemat(stream, content, long_field_names=True)
+        scipy.io.savemat(stream, cells, long_field_names=True)
 
 
 def require_linear(model: Model) -> None:

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import importlib
 import re
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import scipy.io
 from numpy.typing import ArrayLike
 
 from ambid.arrays import FloatArray
-from ambid.errors import InputError, ModelError
+from ambid.errors import ModelError
 from ambid.identification.estimate import NORMAL_95
-from ambid.interop import require_linear
+from ambid.interop import control_system, require_linear, write_mat
 from ambid.loop.assembly import Lft
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
@@ -116,14 +113,8 @@ class UncertainModel:
         InputError
             If python-control is not installed.
         """
-        try:
-            control = importlib.import_module("control")
-        except ImportError:
-            raise InputError("to_control needs the package control: pip install 'ambid[control]'") from None
-        names = [[name.replace(".", "_") for name in side] for side in (self.inputs, self.outputs)]
-        return [
-            control.ss(*self.plant(theta), inputs=names[0], outputs=names[1]) for theta in self.samples(count, seed)
-        ]
+        draws = self.samples(count, seed)
+        return [control_system(self.plant(theta), self.inputs, self.outputs) for theta in draws]
 
     def to_mat(self, path: str | Path) -> list[Path]:
         """Write G, Delta, ranges, covariance and K as a .mat file (v5), and the script that makes a MATLAB uss of it.
@@ -158,7 +149,13 @@ class UncertainModel:
             "upper95": self.ci95[:, 1:],
             "covariance": self.covariance,
         }
-        return write_with_script(content, Path(path))
+        path = Path(path)
+        script = script_beside(path)
+        write_mat(path, content)
+        text = SCRIPT.read_text(encoding="utf-8").replace("FILE.mat", path.name)
+        with whole_file(script) as stream:
+            stream.write(text.encode())
+        return [path, script]
 
     def __repr__(self) -> str:
         own = ", ".join(f"{p.shape[0]} x {p.shape[1]}" for p in (self.A, self.delta()))
@@ -256,18 +253,3 @@ def script_beside(path: Path) -> Path:
             "digits and _ that begins with a letter"
         )
     return path.with_name(f"{path.stem}_uss.m")
-
-
-def write_with_script(content: Mapping[str, Any], path: Path) -> list[Path]:
-    """Write variables, a tuple of texts as a cell array, and the script beside them; see `UncertainModel.to_mat`."""
-    script = script_beside(path)
-    cells = {
-        name: np.array(value, dtype=object).reshape(-1, 1) if isinstance(value, tuple) else value
-        for name, value in content.items()
-    }
-    with whole_file(path) as stream:
-        scipy.io.savemat(stream, cells, long_field_names=True)
-    text = SCRIPT.read_text(encoding="utf-8").replace("FILE.mat", path.name)
-    with whole_file(script) as stream:
-        stream.write(text.encode())
-    return [path, script]
