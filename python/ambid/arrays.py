@@ -7,11 +7,13 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["ByValue", "ComplexArray", "FloatArray", "IndexArray", "is_same"]
+__all__ = ["ByValue", "ComplexArray", "FloatArray", "IndexArray", "StateSpace", "is_same"]
 
 FloatArray = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 IndexArray = NDArray[np.intp]
+StateSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+"""A, B, C, D."""
 
 
 class ByValue:

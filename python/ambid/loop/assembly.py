@@ -10,7 +10,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, StateSpace
 
 
 @dataclass(frozen=True)
@@ -138,13 +138,13 @@ class Lft:
     gain_errors: tuple[GainError, ...] = ()
     excitation: FloatArray | None = None
 
-    def closed(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def closed(self, values: Mapping[str, float]) -> StateSpace:
         """A, B, C, D between inputs and outputs, with a value for each slot; without the nonlinear blocks."""
         inputs, outputs = len(self.inputs), len(self.outputs)
         A, B, C, D = self.closed_with_ports(values)
         return A, B[:, :inputs], C[:outputs], D[:outputs, :inputs]
 
-    def closed_with_ports(self, values: Mapping[str, float]) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def closed_with_ports(self, values: Mapping[str, float]) -> StateSpace:
         """The same from inputs, and what is added to each w, to outputs and each z."""
         inputs, outputs, ports = len(self.inputs), len(self.outputs), len(self.ports)
         delta = np.array([port.scale * values[port.slot] ** port.power for port in self.ports])

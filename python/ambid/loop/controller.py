@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, StateSpace
 from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
@@ -95,7 +95,7 @@ def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
 def close_analog(
     plant: Lft,
     rig: Rig,
-    controller: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
+    controller: StateSpace,
     errors: Sequence[LawError] = (),
 ) -> Lft:
     """Close ``i_ref = -K read + i_e`` around the plant, what is read being ``y - r``, and i_c where K reads that.

@@ -8,7 +8,7 @@ from math import comb, factorial
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, StateSpace
 from ambid.errors import ModelError
 from ambid.loop.assembly import Lft, Port
 
@@ -76,9 +76,7 @@ def pade(order: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     return a, b, c
 
 
-def with_late_rows(
-    matrices: tuple[FloatArray, FloatArray, FloatArray, FloatArray], shifts: Sequence[int]
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def with_late_rows(matrices: StateSpace, shifts: Sequence[int]) -> StateSpace:
     """A, B, C, D in samples with each output late by whole samples, which become states.
 
     Raises

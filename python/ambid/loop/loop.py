@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ambid import _core
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, StateSpace
 from ambid.errors import ModelError, RigError, UnstableLoopError
 from ambid.loop.assembly import Block, Lft
 from ambid.loop.controller import Reading, close_analog, law_errors
@@ -198,7 +198,7 @@ class Loop:
             slopes[self._filled_by[port.slot]] += port.slope(at[port.slot]) * np.outer(left, right)
         return eigenmodes(A, C[: len(self.outputs)], slopes[list(free)])
 
-    def state_space(self, theta: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    def state_space(self, theta: ArrayLike) -> StateSpace:
         """A, B, C, D of the loop sampled with zero-order hold, inputs to outputs.
 
         Raises
@@ -392,7 +392,7 @@ def _base_plant(rig: Rig, rotor: ReducedRotor, free_modes: int) -> Plant:
 
 
 @lru_cache(maxsize=32)
-def _controller(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _controller(rig: Rig) -> StateSpace:
     """A, B, C, D of the rig's controller."""
     return _matrices(*rig.controller.state_space(len(rig.axes), rig.sample_rate))
 
@@ -408,15 +408,13 @@ def _require_few_states(rig: Rig, plant: int, controller: int) -> None:
         )
 
 
-def _idle(rig: Rig) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _idle(rig: Rig) -> StateSpace:
     """A controller that does nothing, so that it only delays the excitation."""
     m = len(rig.axes)
     return np.zeros((0, 0)), np.zeros((0, m)), np.zeros((m, 0)), np.zeros((m, m))
 
 
-def _matrices(
-    a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _matrices(a: FloatArray, b: FloatArray, c: FloatArray, d: FloatArray) -> StateSpace:
     """The same matrices as the core wants them."""
     return (
         np.ascontiguousarray(a, dtype=np.float64),

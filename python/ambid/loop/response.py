@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from scipy.linalg import schur
 from scipy.linalg.lapack import dgebal
 
-from ambid.arrays import ComplexArray, FloatArray
-
-StateSpace = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+from ambid.arrays import ComplexArray, StateSpace
 
 
 def frequency_response(system: StateSpace, points: NDArray[Any]) -> ComplexArray:

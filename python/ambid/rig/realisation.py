@@ -8,10 +8,9 @@ from numpy.typing import NDArray
 from pydantic_core import InitErrorDetails
 from scipy.linalg import block_diag, matrix_balance
 
+from ambid.arrays import StateSpace
 from ambid.errors import RigError
 from ambid.rig.fields import FINITE, problem
-
-StateSpace = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 
 def stack(systems: list[StateSpace], signals: int = 1) -> StateSpace:

@@ -7,11 +7,11 @@ from typing import Literal
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, StateSpace
 from ambid.errors import InputError
 from ambid.loop.controller import LawError, Reading, law_errors
 from ambid.loop.loop import open_plant
-from ambid.loop.response import StateSpace, frequency_response
+from ambid.loop.response import frequency_response
 from ambid.model import Model
 
 Place = Literal["controller", "sensor"]

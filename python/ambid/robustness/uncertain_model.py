@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, StateSpace
 from ambid.errors import ModelError
 from ambid.identification.estimate import NORMAL_95
 from ambid.interop import control_system, require_linear, write_mat
 from ambid.loop.assembly import Lft
 from ambid.loop.delay import with_late_commands
 from ambid.loop.loop import open_plant
-from ambid.loop.response import StateSpace
 from ambid.model import Given, as_model
 from ambid.results import of_unit
 from ambid.robustness.sensitivity import Law
