@@ -41,8 +41,6 @@ if TYPE_CHECKING:
     from ambid.record import Measurement
 
 PRBS, MULTISINE = "prbs", "multisine"
-SENSOR_NOISE = 50e-9
-"""Noise of y [m rms], where none is stated and no record gives it."""
 
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")
@@ -186,7 +184,7 @@ def design_command(
         else:
             instruments = ambid.Instruments.stated(
                 len(machine.axes),
-                SENSOR_NOISE if sensor_noise is None else sensor_noise,
+                50e-9 if sensor_noise is None else sensor_noise,
                 CURRENT_NOISE if current_noise is None else current_noise,
                 noise_of(channel, machine),
             )

@@ -15,8 +15,6 @@ from ambid.loop.geometry import lies_in_one_plane
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
-WIDTHS = (0.03, 0.3)
-"""Widths of a loop of friction that are tried, as parts of the largest displacement."""
 SMALL = 1e-3
 """Friction that is probed, over what K_s does at the air gap."""
 OF_STIFFNESS = 2e-5
@@ -151,7 +149,7 @@ class CoulombFriction(OneProbe, AtPlace):
             places = [None, half_way(rig), *rig.rotor.span]
         peak = float(seen.peaks["s"])
         fastest = peak * float(np.sqrt(size_of_stiffness(rig) / mass_or_one(rig)))
-        return [CoulombFriction(z, share * peak, fastest) for z in places for share in WIDTHS]
+        return [CoulombFriction(z, share * peak, fastest) for z in places for share in (0.03, 0.3)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Force that it slips at [N], one over the width of its loop [1/m], and how gradually it begins to slip."""

@@ -14,8 +14,6 @@ from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.rig import PointMassRotor, Rig
 
-WITHIN = (1.2, 0.9, 0.6, 0.3)
-"""Clearances that are tried, as parts of the largest displacement along an axis; in the plane it is larger."""
 ROUNDED_TOUCH = 0.01
 """Half width of the bend where it begins to touch, as a part of the clearance."""
 HUNT_CROSSLEY = 1.5
@@ -214,7 +212,8 @@ class RotorContact(OneProbe, AtPlace):
         peak = float(seen.peaks["s"])
         fastest = peak * float(np.sqrt(size_of_stiffness(seen.rig) / mass_or_one(seen.rig)))
         places = [own.z for own in super().variants(seen) if isinstance(own, RotorContact)]
-        return [RotorContact(z, share * peak, fastest) for z in places for share in WITHIN]
+        # the first is beyond the largest displacement along an axis; in the plane it is larger
+        return [RotorContact(z, share * peak, fastest) for z in places for share in (1.2, 0.9, 0.6, 0.3)]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Stiffness [N/m], clearance [m], and how much stiffer it is against approach [s/m]."""

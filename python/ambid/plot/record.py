@@ -18,8 +18,6 @@ if TYPE_CHECKING:
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1, 1, 1)))
 """Of the axes, so that they differ in grey too."""
-MOST = 20_000
-"""Samples that are drawn of a channel; of more, the least and the largest of every group, so that no peak is lost."""
 
 
 def plot_record(
@@ -95,8 +93,8 @@ def _chosen(record: Record, channels: str | Sequence[str] | None) -> dict[str, d
 
 
 def _thinned(t: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A channel in so few points that it can be drawn, with all of its peaks."""
-    group = -(-2 * len(x) // MOST)
+    """A channel in so few points that it can be drawn: least and largest of every group, so that no peak is lost."""
+    group = -(-2 * len(x) // 20_000)
     if group <= 2:
         return t, x
     count = len(x) // group

@@ -39,8 +39,6 @@ LONGEST_LINE = 1 << 20
 """Characters of a header: 100 for each of as many columns as are allowed."""
 COMMENTS = ("#", "%", "!", "sep=")
 """What lines above the header begin with that are none of the table; the last one is of spreadsheets."""
-HEAD = 1 << 16
-"""Bytes that determine the encoding of a file."""
 WINDOWS = "cp1252"
 UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
 """What a cell of a line of units looks like."""
@@ -199,7 +197,7 @@ def _opened(path: Path) -> Iterator[_Sheet]:
 def _encoding(path: Path) -> str:
     """UTF-8, or UTF-16 with its mark, or, of text that is neither, that of Windows."""
     with path.open("rb") as file:
-        head = file.read(HEAD)
+        head = file.read(1 << 16)
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16" if 4 * head.count(0) >= len(head) else "utf-8-sig"  # numbers have a zero in every character
     try:

@@ -24,8 +24,6 @@ from ambid.writing import whole_file
 
 MOST_BEARINGS = 8
 """Bearings of a rig: sixteen axes, whose loop has some hundred parameters and as many states as a fit can bear."""
-MOST_SENSORS = 32
-"""Beside those of the bearings."""
 SPEED = Range(0.0, 5e4, "rad/s")
 LONGEST_FILE = 1 << 23
 """Characters of a rig file: three matrices of 200 freedoms take a third, and reading as much takes seconds."""
@@ -81,7 +79,7 @@ class Rig(Spec):
         description="a table [controller] with kind = 'pid', 'state_space' or 'transfer_function'"
     )
     sensors: tuple[Sensor, ...] = Field(
-        (), alias="sensor", max_length=MOST_SENSORS, description="[[sensor]] tables, each with double brackets"
+        (), alias="sensor", max_length=32, description="[[sensor]] tables, each with double brackets"
     )
     tolerance: Tolerance = Field(
         Tolerance(exact=False), description="a table [tolerance] with standard deviations, or exact = true"
