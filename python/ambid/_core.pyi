@@ -44,7 +44,7 @@ class _DigitalController(TypedDict):
     errors: NotRequired[Sequence[tuple[int, _Matrix, _Matrix, _Matrix]]]
 
 class _Block(TypedDict):
-    law: Literal["force_law", "slew_limit", "bouc_wen", "stop", "table", "polynomial"]
+    law: Literal["force_law", "limit", "bouc_wen", "stop", "table", "polynomial"]
     curve: NotRequired[Literal["unsaturated", "power", "tanh", "root_unsaturated", "root_power"]]
     parameters: NotRequired[Mapping[str, int | None]]
     constants: NotRequired[Mapping[str, float]]

@@ -18,9 +18,10 @@ from ambid.loop.effect import EffectParameter
 from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.rig import Rig
-from hidden.bench import simulate
+from hidden.bench import measured, simulate
 from hidden.families import BENCHES, voltage_driven
 from hidden.long import LONG
+from hidden.one_axis import ONE_AXIS
 from validated import relative
 
 TRUTH = BENCHES["bench"].truth
@@ -54,7 +55,7 @@ AGREE = {
     "sampling_skew": ({"seconds": 1e-5}, {"current_late": 1e-5}, 1e-3),
     "back_emf": ({"coefficient": 5.0}, {"current_per_velocity": 5.0}, 1e-9),
     "force_nonlinearity": ({}, {"bias_ratio": 1.0}, 1e-6),
-    "amplifier_voltage_limit": ({"slew": 8000.0}, {"inverse_slew_rate": 1.0 / 8000.0}, 1e-3),
+    "amplifier_voltage_limit": ({"slew": 8000.0}, {"inverse_slew_rate": 1.0 / 8000.0, "noise": 40.0}, 1e-3),
 }
 
 
@@ -119,10 +120,21 @@ def test_a_limit_that_is_hardly_reached_is_as_sharp_as_it_is(rig, i_e, name, hid
     truth = simulate(rig, i_e, {name: hidden}, seed=None, longest_step=1e-6, **TRUTH)
     base = at_truth(rig)
     changed = truth.outputs - base.simulate(i_e).outputs
-    (value,) = (p.name for p in own.parameters(rig))
-    missed = base.add(own, {value: probed}).simulate(i_e).outputs - truth.outputs
+    missed = base.add(own, {own.size: probed, "noise": 0.004 / probed}).simulate(i_e).outputs - truth.outputs
     assert 1e-4 < np.linalg.norm(changed) / np.linalg.norm(truth.outputs) < 0.1
     assert np.linalg.norm(missed) < 0.01 * np.linalg.norm(changed)
+
+
+def test_noise_of_the_loop_rounds_the_corners_of_a_limit():
+    """Noise with a seventh of the limit leaves nothing beside a rounded one, and as much again beside a sharp one."""
+    limit, noise = 0.9, {"sensor_noise": 3e-7, "current_noise": 2e-3}
+    hidden, i_e = {"command_saturation": {"level": limit}}, ONE_AXIS.excitation(0.4)
+    record = measured(ONE_AXIS.rig, i_e, hidden, seed=3, **ONE_AXIS.truth, **noise)
+    model = ambid.Model(ONE_AXIS.rig).add("command_saturation", {"inverse_limit": 1.0 / limit})
+    rounded = ambid.identify(model, record)
+    sharp = ambid.identify(model, record, fixed={"command_saturation.noise": 0.004})
+    assert sharp.misfit > 1.2 > 1.03 > rounded.misfit
+    assert 1.0 / rounded["command_saturation.inverse_limit"].value == pytest.approx(limit, rel=0.03)
 
 
 TURNED = {"zeta": 0.03, "eta": 0.02, "planes": 0.01}

@@ -127,7 +127,7 @@ def test_equal_models_are_equal_files(saturating, tmp_path):
         ambid.to_stepper(saturating, tmp_path / name)
     content = (tmp_path / "one").read_bytes()
     assert content == (tmp_path / "two").read_bytes()
-    assert content.startswith(b"ambid stepper 3\n")
+    assert content.startswith(b"ambid stepper 4\n")
 
 
 def test_a_loop_too_large_to_step_is_refused(saturating, tmp_path, golden):

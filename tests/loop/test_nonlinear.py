@@ -38,7 +38,7 @@ def test_response_and_derivatives_are_those_of_an_adaptive_integrator(kind, loop
     assert worst(plant.core().simulate(plant.theta, u), expected) < 1e-6
     y, jacobian = plant.core().sensitivity(plant.theta, list(range(len(plant.theta))), u)
     validated(
-        "Response of loops with saturation, slew limit, hysteresis or polynomial forces: error relative to the peak",
+        "Response of loops with saturation, a limit, hysteresis or polynomial forces: error relative to the peak",
         "SciPy {scipy} (DOP853, tolerance 1e-11)",
         worst(y, expected),
         1e-6,
@@ -97,7 +97,7 @@ def test_tables_stand_for_the_function_that_they_sample():
     assert worst(jacobian, slopes) < 3e-6
 
 
-ZERO = {"unsaturated": [3], "tanh": [3], "power": [3], "slew": [3], "hysteresis": [3, 4, 5], "polynomials": None}
+ZERO = {"unsaturated": [3], "tanh": [3], "power": [3], "limit": [3], "hysteresis": [3, 4, 5], "polynomials": None}
 
 
 @pytest.mark.parametrize("loop", LOOPS)
@@ -211,7 +211,8 @@ def test_an_algebraic_loop_of_blocks_is_refused(golden):
 
 
 def test_a_displacement_that_follows_a_command_at_once_is_refused(golden):
-    plant = KINDS["slew"](delay=0.0)
+    plant = KINDS["limit"](delay=0.0)
     plant.matrices[3][0, 4] = 1e-9  # what the amplifier lacks is seen by the sensor
+    plant.theta[4] = 100.0  # noise that does not reach the limit from rest
     with golden.raises(ModelError):
         plant.core().simulate(plant.theta, excitation(5))

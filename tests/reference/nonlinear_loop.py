@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.special import ndtr
 
 from ambid import _core
 
@@ -233,18 +234,22 @@ def force_law(kind, nu, sigma=0.5, n=3.0, single=False, **digital) -> Plant:
     return machine([port], [extra_force], [block], (nu, *shape), **digital)
 
 
-def slew_limit(**digital) -> Plant:
-    smoothing = 0.3
+def limit(**digital) -> Plant:
+    """The mean of a clipped normal variable, from those of its three pieces."""
 
     @law(1)
     def taken(theta, z):
-        limit = 1 / theta[3]
-        t = np.clip((abs(z[0]) / limit - 1 + smoothing) / (2 * smoothing), 0, 1)
-        size = np.where(t < 1, 1 - smoothing + 2 * smoothing * (t - t**3 + t**4 / 2), 1.0)
-        return np.where(t > 0, np.sign(z[0]) * size * limit - z[0], 0.0)
+        if not np.any(theta[3]):
+            return 0.0 * z[0]
+        limit, noise = 1 / theta[3], theta[4]
+        low, high = (-limit - z[0]) / noise, (limit - z[0]) / noise
+        within = z[0] * (ndtr(high) - ndtr(low)) + noise * (np.exp(-(low**2) / 2) - np.exp(-(high**2) / 2)) / np.sqrt(
+            2 * np.pi
+        )
+        return limit * (ndtr(-high) - ndtr(low)) + within - z[0]
 
-    block = {"law": "slew_limit", "parameters": {"inverse_limit": 3}, "constants": {"smoothing": smoothing}}
-    return machine([{"z": [{"rate": 1.0}], "w": {"i_a": 1.0}}], [taken], [block], (1 / 8e3,), **digital)
+    block = {"law": "limit", "parameters": {"inverse_limit": 3, "noise": 4}}
+    return machine([{"z": [{"rate": 1.0}], "w": {"i_a": 1.0}}], [taken], [block], (1 / 8e3, 2e3), **digital)
 
 
 def bouc_wen(n, coordinates=1, **digital) -> Plant:
@@ -327,7 +332,7 @@ KINDS = {
     "power": lambda **k: force_law("power", 0.8, **k),
     "single": lambda **k: force_law("unsaturated", 1.0, single=True, **k),
     "single power": lambda **k: force_law("power", 0.8, single=True, **k),
-    "slew": slew_limit,
+    "limit": limit,
     "hysteresis": lambda **k: bouc_wen(1.0, **k),
     "sharp hysteresis": lambda **k: bouc_wen(4.0, **k),
     "biaxial hysteresis": lambda **k: bouc_wen(2.0, 2, **k),

@@ -25,8 +25,8 @@ LITTLE_SLOWER = 1.01
 """Lag over that of the rig file which a loop bears that is hardly stable."""
 FAR_OUT, FASTEST_REAL = 0.1, 0.25
 """Second pole of an amplifier, its lag and its square term over those of the first: far out, and where both are one."""
-SMOOTHING = 0.01
-"""Part of a limit within which its corners are rounded: of what a limit changes less than 1 % is missed."""
+SHARP, NOISY = 0.004, 0.05
+"""Noise of what is limited, over the limit: the least (of what it changes less than 1 % is missed), and the probe."""
 CUT = (0.95, 0.8, 0.6, 0.4, 0.25)
 """Parts of a peak at which a limit is probed."""
 
@@ -200,6 +200,15 @@ def _of_series(p: float, q: float) -> dict[str, float]:
     return {"frequency_hz": float(1.0 / (2.0 * pi * np.sqrt(q))), "damping": max(0.06, float(0.5 * p / np.sqrt(q)))}
 
 
+def noise_at(limit: float, unit: str) -> EffectParameter:
+    """Noise that goes round the loop and rounds the corners of a limit.
+
+    The model is simulated without noise; the mean of what a limit lets through depends on how much there is.
+    """
+    meaning = "standard deviation of the noise that rounds the corners of the limit"
+    return EffectParameter("noise", unit, NOISY * limit, lower=SHARP * limit, upper=limit, meaning=meaning)
+
+
 @dataclass(frozen=True)
 class AmplifierVoltageLimit(OneProbe):
     """The supply voltage limits how fast the current can change.
@@ -229,17 +238,17 @@ class AmplifierVoltageLimit(OneProbe):
         return "" if rig.amplifier.time_constant > 0.0 else IDEAL
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """One over the largest rate of the current [s/A]."""
+        """One over the largest rate of the current [s/A], and the noise of that rate."""
         if self.why_not(rig):
             return []
-        meaning = "one over the largest rate r of the current"
-        return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0, meaning=meaning)]
+        meaning, noise = "one over the largest rate r of the current", noise_at(1.0 / self.probed, "A/s")
+        return [EffectParameter("inverse_slew_rate", "s/A", self.probed, upper=1.0, meaning=meaning), noise]
 
     def attach(self, plant: Plant) -> None:
         """What the limit cuts off, rounded at the corners."""
-        slots, constants = {"inverse_limit": self.slot("inverse_slew_rate")}, {"smoothing": SMOOTHING}
+        slots = {"inverse_limit": self.slot("inverse_slew_rate"), "noise": self.slot("noise")}
         for axis in plant.axes:
-            cut = plant.block("slew_limit", [plant[f"i_a_free.{axis}"]], slots, constants)
+            cut = plant.block("limit", [plant[f"i_a_free.{axis}"]], slots)
             plant.inject(f"i_a_rate.{axis}", cut)
 
 
@@ -267,16 +276,17 @@ class CommandSaturation(OneProbe):
         return [CommandSaturation(float(1.0 / (share * seen.peaks["i_ref"]))) for share in CUT[::2]]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
-        """One over the limit."""
+        """One over the limit, and the noise of the command."""
         unit = f"1/{rig.amplifier.command_unit}"
-        return [EffectParameter("inverse_limit", unit, self.probed, meaning="one over the largest command r")]
+        limit = EffectParameter("inverse_limit", unit, self.probed, meaning="one over the largest command r")
+        return [limit, noise_at(1.0 / self.probed, rig.amplifier.command_unit)]
 
     def attach(self, plant: Plant) -> None:
         """What the limit cuts off, rounded at the corners."""
-        slots, constants = {"inverse_limit": self.slot("inverse_limit")}, {"smoothing": SMOOTHING}
+        slots = {name: self.slot(name) for name in ("inverse_limit", "noise")}
         for axis in plant.axes:
             command = plant.raw(f"i_ref.{axis}")
-            plant.inject(f"i_ref.{axis}", plant.block("slew_limit", [command], slots, constants))
+            plant.inject(f"i_ref.{axis}", plant.block("limit", [command], slots))
 
 
 @dataclass(frozen=True)

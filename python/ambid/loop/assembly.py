@@ -43,7 +43,7 @@ class Block:
     Attributes
     ----------
     law : str
-        ``force_law``, ``slew_limit``, ``bouc_wen``, ``stop``, ``table`` or ``polynomial``; see `_core.ClosedLoop`.
+        ``force_law``, ``limit``, ``bouc_wen``, ``stop``, ``table`` or ``polynomial``; see `_core.ClosedLoop`.
     signals : int
         Number of signals z, 1 or 2.
     slots : mapping of str to str

@@ -52,11 +52,11 @@ pub enum Law {
         /// `sigma` of this magnet over the one of the parameter, which may be stated for another bias; above zero.
         level: f64,
     },
-    /// What a limit R takes away from a rate z; coefficient `inverse_limit` = 1/R.
-    Slew {
-        /// Half width, relative to R, of the bend between free and limited; in 0..1, not 0.
-        smoothing: f64,
-    },
+    /// What a limit R takes away from a signal z, such as a rate or a command.
+    ///
+    /// Coefficients `inverse_limit` = 1/R, and `noise`, the standard deviation of a Gaussian noise beside z, above zero:
+    /// w is the mean of what the limit takes away, whose corners that noise rounds.
+    Limit,
     /// Rate of a hysteresis state by its input u, vectors of one or two coordinates of which the first is w:
     /// z = (u1', h1, u2', h2), `w = A u1' - (beta |v| + gamma v) |h|^(n-1) h1` with `v = u' h / |h|`.
     ///
@@ -108,7 +108,7 @@ impl Law {
         match self {
             Self::Force { .. } => 2,
             Self::BoucWen { coordinates, .. } | Self::Stop { coordinates, .. } => 2 * coordinates,
-            Self::Slew { .. } => 1,
+            Self::Limit => 1,
             Self::Table(table) => table.inputs(),
             Self::Polynomial { inputs, .. } => *inputs,
         }
@@ -120,7 +120,7 @@ impl Law {
             Self::Force { curve: Curve::Unsaturated | Curve::RootUnsaturated, .. } => &["K_i", "K_s", "nu"],
             Self::Force { curve: Curve::Tanh, .. } => &["K_i", "K_s", "nu", "sigma"],
             Self::Force { curve: Curve::Power | Curve::RootPower, .. } => &["K_i", "K_s", "nu", "sigma", "n"],
-            Self::Slew { .. } => &["inverse_limit"],
+            Self::Limit => &["inverse_limit", "noise"],
             Self::BoucWen { .. } => &["A", "beta", "gamma", "inverse_n"],
             Self::Stop { .. } => &["clearance", "damping"],
             Self::Table(_) => &["g"],
@@ -134,7 +134,6 @@ impl Law {
             Self::Force { bias, held, level, .. } => {
                 *bias > 0.0 && bias.is_finite() && held.abs() < *bias && *level > 0.0 && level.is_finite()
             }
-            Self::Slew { smoothing } => *smoothing > 0.0 && *smoothing < 1.0,
             Self::BoucWen { coordinates, rate_smoothing, state_smoothing } => {
                 (1..=2).contains(coordinates)
                     && [rate_smoothing, state_smoothing].iter().all(|e| **e > 0.0 && e.is_finite())
@@ -142,7 +141,7 @@ impl Law {
             Self::Stop { coordinates, smoothing } => {
                 (1..=2).contains(coordinates) && *smoothing > 0.0 && smoothing.is_finite()
             }
-            Self::Table(_) => true,
+            Self::Table(_) | Self::Limit => true,
             Self::Polynomial { inputs, exponents } => {
                 *inputs == 2 || (*inputs == 1 && exponents.iter().all(|[_, b]| *b == 0))
             }
@@ -151,7 +150,6 @@ impl Law {
             Self::Force { .. } => {
                 "a force law needs a finite bias and level above zero, and a holding current below the bias"
             }
-            Self::Slew { .. } => "a slew limit needs a smoothing between 0 and 1, both excluded",
             Self::BoucWen { .. } | Self::Stop { .. } => {
                 "a hysteresis or a stop has one or two coordinates, and finite smoothings above zero"
             }

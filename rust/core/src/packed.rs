@@ -1,7 +1,7 @@
 //! A loop at one parameter set as a file, for programs without Python: written by one of its own, read by any.
 //!
 //! ```text
-//! "ambid stepper 3\n"
+//! "ambid stepper 4\n"
 //! names of inputs, of outputs, of parameters       lists of text
 //! theta                                            list of numbers
 //! dt, substeps                                     number, optional count
@@ -31,7 +31,7 @@ use crate::reading::Late;
 use part::{Part, Source};
 
 /// How a file begins; the number grows with every change of what follows.
-const MAGIC: &[u8] = b"ambid stepper 3\n";
+const MAGIC: &[u8] = b"ambid stepper 4\n";
 /// Size of the checksum.
 const CHECK: usize = 8;
 /// States of a loop, commands under way among them: its exponential then takes seconds, and some 100 MB.
@@ -75,7 +75,7 @@ impl Packed {
     pub fn from_bytes(bytes: &[u8]) -> Result<Self> {
         let broken = |what| Error::Format { what, at: 0 };
         let body = bytes.strip_prefix(MAGIC);
-        let body = body.ok_or(broken("it does not begin as a stepper file of version 3 does"))?;
+        let body = body.ok_or(broken("it does not begin as a stepper file of version 4 does"))?;
         let (body, check) = body.split_last_chunk::<CHECK>().ok_or(broken("it is cut short"))?;
         if checksum(&bytes[..bytes.len() - CHECK]) != u64::from_le_bytes(*check) {
             return Err(broken("its checksum is wrong: it has been cut or changed"));

@@ -22,7 +22,7 @@ fn blocks() -> Problem {
     let table = Table::new(&grid, &(0..15).map(f64::from).collect::<Vec<_>>()).expect("a grid");
     let laws = [
         Law::Force { curve: Curve::Power, single: true, bias: 2.0, held: 0.1, level: 1.5 },
-        Law::Slew { smoothing: 0.1 },
+        Law::Limit,
         Law::BoucWen { coordinates: 2, rate_smoothing: 0.1, state_smoothing: 0.2 },
         Law::Stop { coordinates: 1, smoothing: 0.1 },
         Law::Table(Arc::new(table)),

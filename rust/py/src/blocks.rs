@@ -63,7 +63,7 @@ impl NonlinearBlock<'_> {
                     &["bias", "held", "level"],
                 )
             }
-            "slew_limit" => (Law::Slew { smoothing: self.constant("smoothing")? }, &["smoothing"]),
+            "limit" => (Law::Limit, &[]),
             "bouc_wen" => {
                 let [rate_smoothing, state_smoothing] =
                     [self.constant("rate_smoothing")?, self.constant("state_smoothing")?];
@@ -79,7 +79,7 @@ impl NonlinearBlock<'_> {
             "table" => (Law::Table(Arc::new(self.table()?)), &[]),
             "polynomial" => (self.polynomial()?, &[]),
             _ => {
-                let known = "force_law, slew_limit, bouc_wen, stop, table, polynomial";
+                let known = "force_law, limit, bouc_wen, stop, table, polynomial";
                 return Err(self.error(&format!("is not known; there are {known}")));
             }
         })

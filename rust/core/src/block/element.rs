@@ -1,18 +1,22 @@
 //! A block at one parameter set: w, and its derivatives by the signals and by the coefficients.
 
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_2_SQRT_PI};
 use std::sync::Arc;
 
 use crate::block::force::Force;
 use crate::block::hysteresis::BoucWen;
 use crate::block::stop::Stop;
 use crate::block::{Law, SIGNALS, Table};
-use crate::error::Result;
+use crate::error::{Error, Result};
+
+/// Standard deviations beyond which noise reaches nothing.
+const UNHEARD: f64 = 9.0;
 
 /// A block with its coefficients put in.
 #[derive(Debug, Clone)]
 pub(crate) enum Element {
     Force(Force),
-    Slew { inverse_limit: f64, smoothing: f64 },
+    Limit { inverse: f64, noise: f64 },
     BoucWen(BoucWen),
     Stop(Stop),
     Table { gain: f64, table: Arc<Table> },
@@ -25,7 +29,10 @@ impl Element {
             Law::Force { curve, single, bias, held, level } => {
                 Self::Force(Force::new(*curve, *single, [*bias, *held, *level], &values)?)
             }
-            Law::Slew { smoothing } => Self::Slew { inverse_limit: values[0], smoothing: *smoothing },
+            Law::Limit if !(values[1] > 0.0 && values[1].is_finite()) => {
+                return Err(Error::Block { what: "a limit needs a finite noise above zero" });
+            }
+            Law::Limit => Self::Limit { inverse: values[0], noise: values[1] },
             Law::BoucWen { rate_smoothing, state_smoothing, .. } => {
                 Self::BoucWen(BoucWen::new(&values, *rate_smoothing, *state_smoothing)?)
             }
@@ -51,7 +58,7 @@ impl Element {
             Self::BoucWen(law) => return law.evaluate(z, by_coefficient),
             Self::Stop(stop) => return stop.evaluate(z, by_coefficient),
             Self::Force(force) => force.evaluate::<FMA, SLOPES>(two, by_coefficient),
-            Self::Slew { inverse_limit, smoothing } => slew(z[0], *inverse_limit, *smoothing, by_coefficient),
+            Self::Limit { inverse, noise } => limit(z[0], *inverse, *noise, by_coefficient),
             Self::Table { gain, table } => {
                 let (value, slopes) = table.evaluate(two);
                 by_coefficient[0] = value;
@@ -63,19 +70,21 @@ impl Element {
     }
 }
 
-/// `sat(z / R) R - z`, where sat bends from the diagonal to one over `1 - smoothing .. 1 + smoothing`, twice smooth.
-fn slew(z: f64, inverse_limit: f64, smoothing: f64, by_coefficient: &mut [f64]) -> (f64, [f64; 2]) {
-    let v = z.abs() * inverse_limit.abs();
-    let t = ((v - 1.0 + smoothing) / (2.0 * smoothing)).clamp(0.0, 1.0);
-    if t == 0.0 {
-        by_coefficient[0] = 0.0;
+/// Mean of `clip(z + n, -R, R) - (z + n)` over Gaussian noise n.
+fn limit(z: f64, inverse: f64, noise: f64, by_coefficient: &mut [f64]) -> (f64, [f64; 2]) {
+    let limit = 1.0 / inverse;
+    let (below, above) = (-(z + limit) / noise, (z - limit) / noise);
+    if inverse <= 0.0 || below.max(above) < -UNHEARD {
+        by_coefficient[..2].fill(0.0);
         return (0.0, [0.0; 2]);
     }
-    // slope of sat: 1 - (3 t^2 - 2 t^3)
-    let slope = 1.0 - t * t * (3.0 - 2.0 * t);
-    let value = if t < 1.0 { 1.0 - smoothing + 2.0 * smoothing * (t - t * t * t * (1.0 - 0.5 * t)) } else { 1.0 };
-    by_coefficient[0] = (value - slope * v).copysign(-z * inverse_limit) / (inverse_limit * inverse_limit);
-    ((value / inverse_limit.abs()).copysign(z) - z, [slope - 1.0, 0.0])
+    let normal = |x: f64| 0.5 * libm::erfc(-x * FRAC_1_SQRT_2);
+    let density = |x: f64| (-0.5 * x * x).exp() * (0.5 * FRAC_2_SQRT_PI * FRAC_1_SQRT_2);
+    let (beyond, further, dense) = ([normal(below), normal(above)], [below, above], [density(below), density(above)]);
+    let sums: [f64; 2] = std::array::from_fn(|i| further[i] * beyond[i] + dense[i]);
+    by_coefficient[0] = (beyond[0] - beyond[1]) * limit * limit;
+    by_coefficient[1] = dense[0] - dense[1];
+    (noise * (sums[0] - sums[1]), [-beyond[0] - beyond[1], 0.0])
 }
 
 fn polynomial(

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 0 force law     curve (0 unsaturated, 1 power, 2 tanh), single (flag), bias, held, level
-//! 1 slew limit    smoothing
+//! 1 limit
 //! 2 Bouc-Wen      smoothing of the rate, of the state
 //! 3 table         list of axes (first, spacing, nodes), list of values, a row per node of the first axis
 //! 4 polynomial    number of signals, list of pairs of exponents
@@ -49,7 +49,7 @@ impl Part for Law {
                 single.put(out);
                 [bias, held, level].into_iter().for_each(|value| value.put(out));
             }
-            Self::Slew { smoothing } => (1_u8, *smoothing).put(out),
+            Self::Limit => 1_u8.put(out),
             Self::BoucWen { coordinates, rate_smoothing, state_smoothing } => {
                 (2_u8, *coordinates).put(out);
                 (*rate_smoothing, *state_smoothing).put(out);
@@ -72,7 +72,7 @@ impl Part for Law {
                 held: source.take()?,
                 level: source.take()?,
             },
-            1 => Self::Slew { smoothing: source.take()? },
+            1 => Self::Limit,
             2 => Self::BoucWen {
                 coordinates: source.take()?,
                 rate_smoothing: source.take()?,
