@@ -166,6 +166,17 @@ def test_fits_of_records_and_responses_together_are_those_in_time(truth, run):
     assert together.records[1].channels[0].unit == "m/A"
 
 
+def test_channels_that_only_some_responses_have_do_not_weigh(truth):
+    """The fit of y is that of as many values of each, whatever else one of them holds."""
+    both, alone = response_of(truth, F, 0.02, 1), response_of(truth, F, 0.3, 2)
+    alone = replace(alone, response=alone.response[:, :1], std=alone.std[:, :1], outputs=alone.outputs[:1])
+    found = compare(truth, (both, alone))
+    rows = [own.channels[0] for own in found.records]
+    left = sum((row.measured_rms * (1.0 - row.fit_percent / 100.0)) ** 2 for row in rows)
+    share = np.sqrt(left / sum(row.measured_rms**2 for row in rows))
+    assert found.fit_percent["y.A_zeta"] == pytest.approx(100.0 * (1.0 - share), abs=1e-9)
+
+
 def coverage(estimates, values):
     inside = [
         [e.parameters[name].ci95[0] <= value <= e.parameters[name].ci95[1] for name, value in values.items()]

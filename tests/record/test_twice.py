@@ -60,6 +60,12 @@ def test_the_same_motion_by_another_excitation_is_another_record():
     assert with_repeats_found([own, replace(own, i_e=2.0 * own.i_e)])[1].findings == own.findings
 
 
+def test_two_instruments_beside_one_excitation_are_two_records():
+    own = run(1)
+    current = replace(own, y=np.zeros((own.samples, 0)))
+    assert with_repeats_found([replace(own, i_c=None), current])[1].findings == current.findings
+
+
 def test_a_frequency_response_that_is_given_twice_is_told():
     own = run(1).frequency_response()
     first, second = with_repeats_found([own, replace(own, name="again")])

@@ -255,8 +255,9 @@ class Comparison(WithFindings, Tabular):
         for own in pooled:
             rows = [row for row in own.channels if row.channel in names]
             rows.sort(key=lambda row: names.index(row.channel))
-            length = own.record.samples if own.record.is_in_time else own.record.measured.sum() / len(rows)
-            measured = length * np.array([row.measured_rms for row in rows]) ** 2
+            of_channels = np.isin(own.record.channels, names)
+            numbers = own.record.samples if own.record.is_in_time else own.record.measured.sum(axis=(0, 2))[of_channels]
+            measured = numbers * np.array([row.measured_rms for row in rows]) ** 2
             power += measured * (1.0 - np.array([getattr(row, which) for row in rows]) / 100.0) ** 2
             total += measured
         percent = 100.0 * (1.0 - np.sqrt(power / total))
