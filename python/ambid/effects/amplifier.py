@@ -203,7 +203,8 @@ def _of_series(p: float, q: float) -> dict[str, float]:
 def noise_at(limit: float, unit: str) -> EffectParameter:
     """Noise that goes round the loop and rounds the corners of a limit.
 
-    The model is simulated without noise; the mean of what a limit lets through depends on how much there is.
+    The model is simulated without noise; the mean of what a limit lets through depends on how much there is (Gelb,
+    Vander Velde, Multiple-Input Describing Functions and Nonlinear System Design, 1968, chapter 7).
     """
     meaning = "standard deviation of the noise that rounds the corners of the limit"
     return EffectParameter("noise", unit, NOISY * limit, lower=SHARP * limit, upper=limit, meaning=meaning)
