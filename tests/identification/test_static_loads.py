@@ -1,6 +1,7 @@
 """Static loading against a hand calculation of the bearing reactions, its intervals, the campaign; what it refuses."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -174,6 +175,21 @@ def test_deflection_between_sensors_and_magnets():
     for estimate, code in ((classic, "deflection_left_out"), (corrected, "deflection_included")):
         (bent,) = found(estimate, code)
         assert_allclose(bent.values["most"], (values(corrected) / TRUE).max() - 1.0, rtol=0.02)
+
+
+def test_by_flux_too_the_bent_rotor_is_taken_off():
+    """Flux has the whole force; the current has what is left of it beside K_s s, s by the slope of the shaft's ends."""
+    shaft = uniform_shaft(8)
+    poles = [own.model_copy(update={"pole_area": 5e-4, "bias_flux": (0.5, 0.5)}) for own in shaft.bearings]
+    rig, straight = shaft.replace(bearings=poles, tolerance={"exact": True}), loaded(shaft, CROSS / 10, noise=0.0)
+    more = 2.4e6 * 0.06 * 0.46**2 / (16 * 2.06e11 * np.pi * 0.03**4 / 64) / 0.5
+    flux = straight.i_c * TRUE * 4e-7 * np.pi / (2.0 * 5e-4 * 0.5)
+    bent = replace(straight, i_c=(1.0 + more) * straight.i_c, b=flux)
+    for deflection, expected in ((True, TRUE), (False, TRUE / (1.0 + more))):
+        estimate = static_load(rig, bent, deflection=deflection)
+        by_flux = [k_i.value for k_i in estimate.parameters_by_flux.values()]
+        assert_allclose(by_flux, expected, rtol=0.03 * more)
+        assert_allclose(values(estimate), by_flux, rtol=1e-9)
 
 
 def test_a_support_carries_its_part_of_the_load_where_the_rotor_bends():
