@@ -315,4 +315,9 @@ class LoopDelay(Effect):
         plant.delay_commands(self.slot("delay"))
 
 
-EFFECTS = (AmplifierBandwidth(), AmplifierVoltageLimit(), CommandSaturation(), LoopDelay())
+EFFECTS = (
+    AmplifierBandwidth(),
+    AmplifierVoltageLimit(),
+    CommandSaturation(),
+    LoopDelay(),
+)

@@ -383,4 +383,10 @@ def _with(record: Record, signal: str, change: Any) -> Record:
     return record if own is None else replace(record, **{signal: change(own)})
 
 
-EFFECTS = (ExcitationGainError(), ChannelDelay(), ChannelGain(), ChannelSign(), ChannelsExchanged())
+EFFECTS = (
+    ExcitationGainError(),
+    ChannelDelay(),
+    ChannelGain(),
+    ChannelSign(),
+    ChannelsExchanged(),
+)

@@ -108,4 +108,7 @@ class InductanceError(Effect):
                 plant.inject(f"{signal}.{axis}", true - plant.raw(f"{signal}.{axis}"))
 
 
-EFFECTS = (BackEmf(), InductanceError())
+EFFECTS = (
+    BackEmf(),
+    InductanceError(),
+)

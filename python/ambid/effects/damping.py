@@ -176,4 +176,8 @@ class CoulombFriction(OneProbe, AtPlace):
                 plant.push(z, direction, -plant.port(self.slot("force"), share))
 
 
-EFFECTS = (ExternalDamping(), InternalDamping(), CoulombFriction())
+EFFECTS = (
+    ExternalDamping(),
+    InternalDamping(),
+    CoulombFriction(),
+)

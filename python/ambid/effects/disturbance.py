@@ -170,4 +170,7 @@ class SensorRunout(Wave):
                 plant.inject(f"scaled.{axis}", plant.port(self.slot(name), wave))
 
 
-EFFECTS = (PeriodicDisturbance(), SensorRunout())
+EFFECTS = (
+    PeriodicDisturbance(),
+    SensorRunout(),
+)

@@ -370,4 +370,10 @@ class Unbalance(Wave):
                 plant.push(place, np.eye(plant.rotor.planes)[plane], force)
 
 
-EFFECTS = (RotorBendingMode(), BendingModeShift(), RotorInertiaError(), GyroscopicCoupling(), Unbalance())
+EFFECTS = (
+    RotorBendingMode(),
+    BendingModeShift(),
+    RotorInertiaError(),
+    GyroscopicCoupling(),
+    Unbalance(),
+)

@@ -311,4 +311,10 @@ class FoundationResonance(OneProbe):
                 plant.inject(f"{signal}.{axis}", -moved)
 
 
-EFFECTS = (SealForces(), CouplingStiffness(), MagneticPull(), RotorContact(), FoundationResonance())
+EFFECTS = (
+    SealForces(),
+    CouplingStiffness(),
+    MagneticPull(),
+    RotorContact(),
+    FoundationResonance(),
+)
