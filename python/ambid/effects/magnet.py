@@ -302,9 +302,7 @@ class MagneticHysteresis(OneProbe):
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Part of the current that follows the hysteresis, one over its width [1/A], and how gradually it turns."""
         return [
-            EffectParameter(
-                "share", "1", 0.01, lower=-0.9, upper=0.9, meaning="part c of the current that follows the hysteresis"
-            ),
+            EffectParameter("share", "1", 0.01, upper=0.9, meaning="part c of the current that follows the hysteresis"),
             EffectParameter(
                 "inverse_width",
                 "1/A",
