@@ -9,7 +9,9 @@ Psi~ are the whitened slopes of the parameters of its effects, freed from what a
 effect that are of one kind, such as the gains of its sensors, are of one size, whose square is P: nothing is known of
 it but the three decades that it is within (Jeffreys' prior), and of its direction in their space but the signs that
 physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
-of the unit sphere. V is 1 where H leaves noise alone.
+of the unit sphere. An effect is seen by its best determined kind; of its others only the part counts that the records
+determine, 1 less the variance after them in units of P (MacKay's gamma), and what they say nothing of is free. V is 1
+where H leaves noise alone.
 
 Something else changes the response as effects of the catalogue may, by any power: w_i are the eigenvalues, of the sum
 1, of the mean of the projectors on what each of them can do, so that few ways count where little is left, and more
@@ -33,6 +35,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -88,6 +91,8 @@ OF_FORMULAS = 0.015
 """Part of what effects explain that their formulas, which are idealised, may leave."""
 NEAR, MOST_STEPS = 0.1, 20
 """Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
+LEAST = 1e-9
+"""Part of a size that records determine, at the least: of an effect that they do not show, no kind is the best."""
 BEYOND = 2.0
 """Standard deviations of J above a right model's from which on something is left."""
 
@@ -95,6 +100,22 @@ BEYOND = 2.0
 def deviation(fit: Comparison) -> float:
     """Standard deviation of the J of a right model."""
     return float(np.hypot(fit.noise.scatter * np.sqrt(2.0 * fit.dof), LEVEL * fit.dof))
+
+
+class Kind(NamedTuple):
+    """Parameters of an effect that share their size: so many, some of which have one sign."""
+
+    effect: str
+    numbers: int
+    one_sided: int
+
+    @property
+    def unknown(self) -> float:
+        """What their unknown size costs beside their precision."""
+        k = self.numbers
+        log_surface = np.log(2.0) + 0.5 * k * np.log(np.pi) - gammaln(0.5 * k)
+        of_size = np.log(DECADES * np.log(10.0)) - np.log(2.0) * self.one_sided
+        return float(of_size + log_surface - 0.5 * k * np.log(2.0 * np.pi))
 
 
 @dataclass(frozen=True)
@@ -113,10 +134,8 @@ class Evidence:
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
         Of the parameters of the effects, in units of their size, freed from what all others absorb.
-    kinds : tuple of int
-        How many of them are of each kind, which share their size.
-    one_sided : int
-        How many of them have one sign.
+    kinds : tuple of Kind
+        Of these parameters, in their order.
     prior : float
         Minus the log of how likely its effects are before any record.
     on_tones, waves : float, int
@@ -129,17 +148,28 @@ class Evidence:
     formula_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
-    kinds: tuple[int, ...]
-    one_sided: int
+    kinds: tuple[Kind, ...]
     prior: float
     on_tones: float = 0.0
     waves: int = 0
 
     def price(self, left: float = 1.0) -> float:
         """What the parameters of the effects and their number cost, where so much variance is left."""
-        _, log_det = np.linalg.slogdet(np.eye(len(self.information)) + self.information / left)
-        unknown = sum(_unknown_size(k) for k in self.kinds) - np.log(2.0) * self.one_sided
-        return float(0.5 * log_det) + unknown + self.beginnings / left + self.prior
+        precision = np.eye(len(self.information)) + self.information / left
+        _, log_det = np.linalg.slogdet(precision)
+        return float(0.5 * log_det) + self._unknown(precision) + self.beginnings / left + self.prior
+
+    def _unknown(self, precision: FloatArray) -> float:
+        """What the unknown sizes of all kinds cost, of each as far as it is determined."""
+        known = 1.0 - np.diag(np.linalg.inv(precision))
+        ends = accumulate(kind.numbers for kind in self.kinds)
+        parts = [float(np.mean(known[end - own.numbers : end])) for own, end in zip(self.kinds, ends, strict=True)]
+        best = dict[str, float]()
+        for own, part in zip(self.kinds, parts, strict=True):
+            best[own.effect] = max(part, best.get(own.effect, LEAST))
+        return sum(
+            own.unknown * max(part, LEAST) / best[own.effect] for own, part in zip(self.kinds, parts, strict=True)
+        )
 
     @property
     def alone(self) -> float:
@@ -185,8 +215,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         formula_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
-        kinds=(degrees,) if degrees else (),
-        one_sided=one_sided,
+        kinds=(Kind("", degrees, one_sided),) if degrees else (),
         prior=prior,
     )
 
@@ -201,12 +230,6 @@ def posterior(tried: Sequence[Evidence], ways: FloatArray) -> FloatArray:
     ]
     weight = np.exp(np.array(logs) - max(logs))
     return np.asarray(weight / weight.sum())
-
-
-def _unknown_size(k: int) -> float:
-    """What so many parameters of one unknown size cost beside their precision."""
-    log_surface = np.log(2.0) + 0.5 * k * np.log(np.pi) - gammaln(0.5 * k)
-    return float(np.log(DECADES * np.log(10.0)) + log_surface - 0.5 * k * np.log(2.0 * np.pi))
 
 
 def _of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:
@@ -228,7 +251,7 @@ def _of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
     """What an effect would cost beside a set, by its score."""
     precision = 0.5 * degrees * np.log(1.0 + max(0.0, score))
-    return float(precision + _unknown_size(degrees) - np.log(2.0) * one_sided + prior)
+    return float(precision + Kind("", degrees, one_sided).unknown + prior)
 
 
 def needed(degrees: int, one_sided: int, prior: float) -> float:
@@ -287,8 +310,7 @@ class Yardstick:
             formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
             beginnings=self._beginnings(fits),
             information=_information(fit, kinds),
-            kinds=tuple(len(kind) for kind in kinds),
-            one_sided=sum(parameters[k].lower >= 0.0 for k in own),
+            kinds=tuple(_kind([parameters[k] for k in own]) for own in kinds),
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
             on_tones=on_tones,
             waves=waves,
@@ -402,12 +424,17 @@ def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:
-    """Which of some parameters are of one kind: numbers of one effect that are probed alike."""
+    """Which of some parameters are of one kind: those of one effect that are probed alike."""
     kinds: dict[tuple[str, str, float | None], list[int]] = {}
     for k in own:
         p = parameters[k]
         kinds.setdefault((p.name.partition(".")[0], p.unit, p.typical), []).append(k)
     return list(kinds.values())
+
+
+def _kind(parameters: Sequence[Parameter]) -> Kind:
+    one_sided = sum(p.lower >= 0.0 for p in parameters)
+    return Kind(parameters[0].name.partition(".")[0], len(parameters), one_sided)
 
 
 def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
