@@ -12,6 +12,7 @@ __all__ = [
     "FURTHER",
     "SIGNALS",
     "Channel",
+    "SensorSignal",
     "SignalType",
     "by_signal",
     "first_outputs",
@@ -97,6 +98,8 @@ _EVERY = (
 )
 SIGNALS = {own.name: own for own in _EVERY}
 """By name, in the order of the columns of a file."""
+SensorSignal = Literal["a", "y"]
+"""Those that a ``[[sensor]]`` may read."""
 FURTHER = tuple(own.name for own in _EVERY if own.path == "recorder")
 """Signals beyond y and i_c that a record may hold."""
 _SHOWN = {"m": (1e6, "um"), "A": (1e3, "mA"), "T": (1e3, "mT"), "m/s^2": (1.0, "m/s^2")}

@@ -1,10 +1,12 @@
 """Flux density, force, acceleration, further displacements: closed forms, and identification by virtual records."""
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
 
+from ambid.channels import SIGNALS, SensorSignal
 from ambid.checking import check
 from ambid.designs import Instruments, prospect
 from ambid.diagnosis import diagnose
@@ -247,6 +249,21 @@ def test_a_file_without_y_is_read_where_sensors_of_their_own_were_recorded(shake
 def test_without_y_the_excitation_must_be_recorded(shaken):
     with pytest.raises(RecordError, match="neither i_e nor y"):
         without_y(replace(shaken, i_e=None), FOUR)
+
+
+@pytest.mark.parametrize("signal", get_args(SensorSignal))
+def test_whatever_a_sensor_may_read_is_identified_from(signal):
+    channel, truth = f"{signal}.own", {"K_i.A_zeta": 185.0, "K_s.A_zeta": 1.18e6, "tau_e": 2.85e-4}
+    rig = ONE_AXIS.rig.replace(sensors=[{"signal": signal, "name": "own"}], tolerance={})
+    model, i_e = Model(rig).with_outputs(channel), ONE_AXIS.excitation(1.0)
+    silent = model.with_values(truth).simulate(i_e)
+    noise = 0.01 * silent.further[channel]
+    noisy = model.with_values(truth).virtual_experiment(i_e, further_noise={channel: float(noise.std())}, seed=1)
+    found = identify(rig, replace(noisy, i_c=None))
+    assert found.is_adequate
+    assert f"{SIGNALS[signal].gain}.own" in found.tolerances
+    for name, value in truth.items():
+        assert abs(found.parameters[name].value - value) < 3.5 * found.parameters[name].std_error, name
 
 
 def test_a_further_channel_never_widens_an_interval(record):

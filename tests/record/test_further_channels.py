@@ -1,13 +1,17 @@
 """Channels beyond y and i_c: flux density, force, acceleration, displacement at further places."""
 
 from dataclasses import replace
+from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 import scipy.io
 
-from ambid.channels import FURTHER, SIGNALS, in_order, read_in, unit_of
+import ambid
+from ambid.channels import FURTHER, SIGNALS, SensorSignal, in_order, read_in, unit_of
 from ambid.errors import InputError, RecordError, RigError
+from ambid.loop.plant import MOTION
 from ambid.record import Record
 from ambid.rig import Rig
 from found import the
@@ -198,6 +202,14 @@ def test_units_are_those_of_the_list():
         (1.0, "N/A"),
         (1.0, "m/s^2/A"),
     }
+
+
+def test_a_signal_of_sensors_is_known_to_the_list_the_plant_and_the_tolerances_alone():
+    of_sensors = {name for name, own in SIGNALS.items() if "sensor" in own.at}
+    assert of_sensors == set(get_args(SensorSignal)) == set(MOTION)
+    room = Path(ambid.__file__).parent
+    naming = {p.relative_to(room).as_posix() for p in room.rglob("*.py") if SIGNALS["a"].gain in p.read_text()}
+    assert naming == {"channels.py", "rig/tolerance.py"}
 
 
 def test_without_further_channels_nothing_is_there(record):

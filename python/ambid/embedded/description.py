@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -15,21 +16,14 @@ from ambid.model import Model
 
 __all__ = ["description", "identifier"]
 
-BASE_UNITS = {
-    "A": {"A": 1},
-    "m": {"m": 1},
-    "s": {"s": 1},
+BASE_UNITS: dict[str, dict[str, int]] = {
+    **{base: {base: 1} for base in ("A", "m", "s", "kg", "rad")},
     "N": {"kg": 1, "m": 1, "s": -2},
-    "N/A": {"kg": 1, "m": 1, "s": -2, "A": -1},
-    "N/m": {"kg": 1, "s": -2},
-    "N s/m": {"kg": 1, "s": -1},
-    "kg": {"kg": 1},
     "T": {"kg": 1, "s": -2, "A": -1},
     "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
-    "m/s^2": {"m": 1, "s": -2},
-    "rad": {"rad": 1},
+    "ohm": {"kg": 1, "m": 2, "s": -3, "A": -2},
 }
-"""Exponents of units that importers can compare; others go by their name."""
+"""Exponents of units that others such as ``N s/m`` are made of."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +73,8 @@ def description(model: Model, token: str, fmi: int) -> bytes:
     units = SubElement(root, "UnitDefinitions")
     for unit in dict.fromkeys(variable.unit for variable in variables if variable.unit != "1"):
         element = SubElement(units, "Unit", name=unit)
-        if unit in BASE_UNITS:
-            SubElement(element, "BaseUnit", {base: str(power) for base, power in BASE_UNITS[unit].items()})
+        if of_base := exponents(unit):
+            SubElement(element, "BaseUnit", {base: str(power) for base, power in of_base.items()})
     SubElement(root, "DefaultExperiment", startTime="0.0", stepSize=step)
     own = SubElement(root, "ModelVariables")
     for reference, variable in enumerate(variables):
@@ -88,6 +82,19 @@ def description(model: Model, token: str, fmi: int) -> bytes:
     _structure(root, model, fmi)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
+
+
+def exponents(unit: str) -> dict[str, int]:
+    """Exponents of a unit such as ``m/s^2``, by which importers compare it; none of one that goes by its name."""
+    found: Counter[str] = Counter()
+    for sign, part in zip((1, -1), unit.split("/"), strict=False):
+        for factor in part.split():
+            name, _, power = factor.partition("^")
+            if name not in BASE_UNITS or not (power or "1").isdigit() or unit.count("/") > 1:
+                return {}
+            for base, own in BASE_UNITS[name].items():
+                found[base] += sign * own * int(power or 1)
+    return {base: power for base, power in found.items() if power}
 
 
 def _variables(model: Model) -> Iterator[_Variable]:

@@ -26,6 +26,8 @@ HEARD = "heard."
 
 READ = "read."
 """What the name of a signal begins with that an instrument beside those of y and i_c reads."""
+MOTION = {"y": "eta", "a": "eta_bend"}
+"""What the signals of sensors read, as `Plant.at` takes it."""
 
 
 class Plant(Assembly):
@@ -136,7 +138,7 @@ class Plant(Assembly):
             self.signal(f"{READ}f.{axis}", self[f"f.{axis}"])
             self.signal(f"{READ}u.{axis}", self._voltage(axis))
         for own, direction in zip(self.rig.sensors, sensors_in_planes(self.rig, self.rotor.planes), strict=True):
-            self.signal(f"{READ}{own.channel}", self.at(own.z, direction, "eta" if own.signal == "y" else "eta_bend"))
+            self.signal(f"{READ}{own.channel}", self.at(own.z, direction, MOTION[own.signal]))
 
     def _voltage(self, axis: str) -> Signal:
         """Of the coils of an axis [V]; the command where the rig file does not say what they are."""

@@ -1,12 +1,13 @@
 """What a rotor is made of and held by: sections of a shaft, disks, and known springs and dampers to ground."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, get_args
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
+from ambid.channels import SIGNALS, SensorSignal
 from ambid.rig.fields import MILLIMETRES, Range, Spec, plain, problem, refuse
 
 Position = Annotated[float, Range(unit="m")]
@@ -122,8 +123,8 @@ class Sensor(Spec):
 
     Parameters
     ----------
-    signal : {"a", "y"}
-        Acceleration [m/s^2] or displacement [m] of the rotor.
+    signal : str
+        What it reads: acceleration of the rotor `a` [m/s^2], or its displacement `y` [m].
     name : str
         An identifier without dots, none of an axis.
     position : float, optional
@@ -132,7 +133,9 @@ class Sensor(Spec):
         In which it reads, from global x to y [degrees]; a plain mass has none.
     """
 
-    signal: Literal["a", "y"] = Field(description="'a' (acceleration of the rotor) or 'y' (displacement)")
+    signal: SensorSignal = Field(
+        description=" or ".join(f"'{name}' ({SIGNALS[name].meaning})" for name in get_args(SensorSignal))
+    )
     name: str = Field(description="a name such as drive_end: letters, digits and _, no dots")
     position: Position | None = None
     direction: Annotated[float, DIRECTION] = 0.0
