@@ -39,6 +39,7 @@ def simulate(
     recorder_step: float = 0.0,
     flexible_modes: int | None = None,
     gravity: float = 0.0,
+    load: tuple[float, float, float] = (0.0, 0.0, 0.0),
     warm_up: float | None = None,
     with_i_c: bool = True,
     period: int | None = None,
@@ -79,8 +80,10 @@ def simulate(
         True number of bending modes per plane; by default the rig's. `rotor_bending_mode` adds to it.
     gravity : float
         Along -y [m/s^2].
+    load : tuple of float
+        Constant force on the rotor: z of the place [m], F_x and F_y [N]; F_x alone along the axis of a plain mass.
     warm_up : float, optional
-        [s]; by default 0.3, and 2.5 with gravity.
+        [s]; by default 0.3, and 2.5 with gravity or a load.
     with_i_c : bool
         Whether i_c was recorded.
     period : int, optional
@@ -101,13 +104,14 @@ def simulate(
     settled = settle(hidden or {})
     i_e = np.asarray(i_e, dtype=float)
     n, rate = len(rig.axes), rig.sample_rate
-    warm = round((warm_up if warm_up is not None else 2.5 if gravity else 0.3) * rate)
+    warm = round((warm_up if warm_up is not None else 2.5 if gravity or any(load[1:]) else 0.3) * rate)
     machine = build(
         rig,
         settled,
         **{key: np.broadcast_to(value, n) for key, value in (("K_i", K_i), ("K_s", K_s), ("tau_e", tau_e))},
         flexible_modes=flexible_modes,
         gravity=gravity,
+        load=load,
         before=warm / rate,
         seconds=len(i_e) / rate,
         adc_step=adc_step if rig.controller.is_digital else 0.0,

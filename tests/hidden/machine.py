@@ -48,6 +48,7 @@ def build(
     tau_e: np.ndarray,
     flexible_modes: int | None,
     gravity: float,
+    load: tuple[float, float, float],
     before: float,
     seconds: float,
     adc_step: float = 0.0,
@@ -55,7 +56,7 @@ def build(
 ) -> Machine:
     """Lay out the machine; parameters as in `bench.simulate`, `before` is the time from its start to t = 0 [s]."""
     return _Builder(rig, hidden, K_i, K_s, tau_e, before, seconds, adc_step).build(
-        TrueRotor(rig, hidden, flexible_modes), gravity, further
+        TrueRotor(rig, hidden, flexible_modes), gravity, load, further
     )
 
 
@@ -70,7 +71,9 @@ class _Builder:
         self.i_e, self.noise = self.net.inputs(self.n), self.net.inputs(self.n)
         self.held = self.net.inputs(self.n if rig.controller.is_digital else 0)
 
-    def build(self, rotor: TrueRotor, gravity: float, further: Sequence[str]) -> Machine:
+    def build(
+        self, rotor: TrueRotor, gravity: float, load: tuple[float, float, float], further: Sequence[str]
+    ) -> Machine:
         net, n = self.net, self.n
         self.rotor = rotor
         self.planes = rotor.planes
@@ -88,7 +91,7 @@ class _Builder:
             direction = self._directions[k]
             self.push += rotor.at(places[k]).T @ direction[:, None] @ force[[k]]
             self.house_push[self.of_bearing[k]] -= direction[:, None] @ force[[k]]
-        self._surroundings(gravity)
+        self._surroundings(gravity, load)
         net.rate(self.q, self.v)
         moving = np.diag(rotor.damping) + self.rig.speed * rotor.gyroscopic
         acceleration = self.push - np.diag(rotor.squares) @ self.q - moving @ self.v
@@ -324,7 +327,7 @@ class _Builder:
 
     # Surroundings -----------------------------------------------------------------------------------------------------
 
-    def _surroundings(self, gravity: float) -> None:
+    def _surroundings(self, gravity: float, load: tuple[float, float, float]) -> None:
         """Forces on the rotor that do not come from the magnets."""
         hidden, rotor = self.hidden, self.rotor
         across = np.array([[0.0, -1.0], [1.0, 0.0]]) if self.planes == 2 else np.zeros((1, 1))
@@ -364,10 +367,12 @@ class _Builder:
             mass = hidden["unbalance"]
             turning = self._oscillator(self.rig.speed, mass["phase"])
             self.push += mass["mass_eccentricity"] * self.rig.speed**2 * rotor.at(mass["z"]).T @ turning[: self.planes]
-        if gravity:
+        z, *force = load
+        if gravity or any(force):
             constant = self.net.states([1.0])
             self.net.rate(constant, 0.0 * constant)
-            self.push += rotor.weight(gravity)[:, None] @ constant
+            pull = rotor.weight(gravity) + rotor.at(z).T @ np.array(force[: self.planes])
+            self.push += pull[:, None] @ constant
 
     def _spring(self, z: float, stiffness: np.ndarray, damping: np.ndarray) -> None:
         at = self.rotor.at(z)

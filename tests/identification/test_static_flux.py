@@ -1,4 +1,4 @@
-"""K_i by flux beside K_i by load: against reactions by hand and the flux of a magnet's closed form."""
+"""K_i by flux beside K_i by load: against reactions by hand, a magnet's closed form and the independent simulator."""
 
 from dataclasses import replace
 
@@ -10,8 +10,11 @@ from ambid.errors import IdentificationError
 from ambid.identification import static_load
 from ambid.record import StaticLoading
 from ambid.rig import Rig
+from hidden.bench import simulate_all
+from hidden.families import BENCHES
 from places import BENCH as BENCH_FILE
 from reference.static_loads import CROSS, reactions
+from validated import relative
 
 MU_0 = 4e-7 * np.pi
 TRUE = np.array([217.0, 225.0, 278.0, 285.0])
@@ -19,19 +22,18 @@ AREA = 5e-4
 NAMES = ("pole_area", "bias_flux")
 
 
-def instrumented() -> Rig:
+def instrumented(rig, K_i, modes=0) -> Rig:
     """Poles of 5 cm^2 whose bias flux is that of the true K_i = 4 A B_0^2/(mu_0 i_0)."""
-    rig = Rig.load(BENCH_FILE)
-    rotor = rig.rotor.model_copy(update={"flexible_modes": 0, "bending_frequencies_hz": None})
-    flux = [np.sqrt(MU_0 * k_i * rig.bearings[0].bias_current / 4.0 / AREA) for k_i in TRUE]
+    rotor = rig.rotor.model_copy(update={"flexible_modes": modes, "bending_frequencies_hz": None})
+    flux = [float(np.sqrt(MU_0 * k_i * rig.bearings[0].bias_current / 4.0 / AREA)) for k_i in K_i]
     own = [
-        bearing.model_copy(update={"pole_area": AREA, "bias_flux": tuple(float(b) for b in flux[2 * k : 2 * k + 2])})
+        bearing.model_copy(update={"pole_area": AREA, "bias_flux": tuple(flux[2 * k : 2 * k + 2])})
         for k, bearing in enumerate(rig.bearings)
     ]
     return rig.replace(rotor=rotor, bearings=own)
 
 
-RIG = instrumented().replace(tolerance={"exact": True})
+RIG = instrumented(Rig.load(BENCH_FILE), TRUE).replace(tolerance={"exact": True})
 B_0 = np.array([b for bearing in RIG.bearings for b in bearing.bias_flux])
 
 
@@ -84,6 +86,56 @@ def test_intervals_hold_the_truth_in_noise_of_both_channels():
     inside = (ends[..., 0] < TRUE) & (ends[..., 1] > TRUE)
     assert abs(inside.mean() - 0.95) < 0.04
     assert (np.abs(k_i.mean(axis=0) - TRUE) < 4.0 * k_i.std(axis=0) / 10.0).all()
+
+
+LOADS = [
+    (0.43, 1000.0 * x, 1000.0 * y) for x, y in ((0, 0), (1, 0), (0.5, 0.5), (0, 1), (-1, 0), (-0.5, -0.5), (0, -1))
+]
+"""z [m], F_x and F_y [N]."""
+SAMPLES = 500
+"""Of a reading, whose means are taken."""
+
+
+def levitated(rig, noise, readings):
+    """Readings under each load of the rotor that the independent simulator levitates, each of all loads."""
+    b = [f"b.{axis}" for axis in rig.axes]
+    rms = {"sensor_noise": 50e-9 * noise, "current_noise": 0.05 * noise, "further": dict.fromkeys(b, 0.02 * noise)}
+    still = {"rig": rig, "i_e": np.zeros((readings * SAMPLES, len(b)))} | BENCHES["bench"].truth | rms
+    records = simulate_all([still | {"load": load, "seed": seed} for seed, load in enumerate(LOADS)])
+    z, *force = np.transpose(LOADS)
+    flux = [np.column_stack([record.further[name] for name in b]) for record in records]
+    i_c, flux = (
+        np.array([column.reshape(readings, SAMPLES, len(b)).mean(axis=1) for column in columns])
+        for columns in ([record.i_c for record in records], flux)
+    )
+    return [
+        StaticLoading(f"reading {k}", rig.axes, z, np.transpose(force), i_c[:, k], b=flux[:, k])
+        for k in range(readings)
+    ]
+
+
+@pytest.mark.parametrize("modes", [0, 2])
+def test_intervals_by_load_and_by_flux_hold_the_truth_of_a_levitated_rotor(modes, validated):
+    bench = BENCHES["bench"]
+    rig = instrumented(bench.rig, bench.K_i, modes).replace(tolerance={"exact": True})
+    stiffness = [{"force_displacement": bench.K_s[k : k + 2]} for k in (0, 2)]
+    rig = rig.replace(bearings=[b.model_copy(update=k_s) for b, k_s in zip(rig.bearings, stiffness, strict=True)])
+    silent = static_load(rig, levitated(rig, 0.0, 1), deflection=True)
+    found = [static_load(rig, loading, deflection=True) for loading in levitated(rig, 1.0, 20)]
+    both = [own for one in found for own in (one.parameters, one.parameters_by_flux)]
+    ends = np.array([[k_i.ci95 for k_i in own.values()] for own in both])
+    validated(
+        "K_i by load and by flux of a levitated rotor under static loads, without noise: relative error",
+        "truth of the independent simulator in C",
+        [relative(values(own), bench.K_i) for own in (silent.parameters, silent.parameters_by_flux)],
+        1e-9,
+    )
+    validated(
+        "K_i by load and by flux of a levitated rotor under static loads: share of intervals with the truth, less 0.95",
+        "truth of the independent simulator in C",
+        np.mean((ends[..., 0] < bench.K_i) & (ends[..., 1] > bench.K_i)) - 0.95,
+        0.06,
+    )
 
 
 def test_what_is_missing_is_named():
