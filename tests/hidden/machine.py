@@ -83,7 +83,8 @@ class _Builder:
         places = [b.position for b in self.rig.bearings for _ in b.axes]
         s, s_rate = (self._along_axes(places, of) for of in ((self.q, self.house), (self.v, self.house_rate)))
         y = self._sensors()
-        i_c, out = self._amplifiers(self._command(y), s, s_rate)
+        command = self._command(y)
+        i_c, out = self._amplifiers(command, s, s_rate)
         self.i_c, self.s_rate = i_c, s_rate
         i_f = self._flux(i_c)
         force = self._force(i_f, s, s_rate)
@@ -98,8 +99,9 @@ class _Builder:
         net.rate(self.v, acceleration)
         self._support()
         read = dict(zip((f"f.{axis}" for axis in self.rig.axes), force, strict=True))
-        if self.rig.amplifier.coil_resistance:
-            read |= dict(zip((f"u.{axis}" for axis in self.rig.axes), self._voltage(), strict=True))
+        if self.rig.amplifier.resistance or self.rig.amplifier.coil_resistance:
+            voltage = command if self.rig.amplifier.resistance else self._voltage()
+            read |= dict(zip((f"u.{axis}" for axis in self.rig.axes), voltage, strict=True))
         if any(name.startswith("b.") for name in further):
             read |= dict(zip((f"b.{axis}" for axis in self.rig.axes), self._hall(i_f, s), strict=True))
         for sensor in self.rig.sensors:
