@@ -8,8 +8,9 @@ from scipy.integrate import quad
 
 from ambid import Model, compare, diagnose
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.evidence import DECADES, Evidence, Kind, Yardstick
+from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis
+from ambid.diagnosis.nameless import DECADES
 from ambid.diagnosis.probabilities import probabilities
 from ambid.effects import find
 from ambid.effects.support import MagneticPull
@@ -96,7 +97,7 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     bench = BENCHES["bench"]
     i_e = bench.excitation(bench.amplitude, 1)
     fit = compare(bench.rig, simulate(bench.rig, i_e, {}, period=bench.period, seed=1, **bench.truth, **bench.noise))
-    ranking = Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, (), ways=WAYS)
+    ranking = Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ())
     yardstick = Yardstick(fit, None, {"loop_delay": 0.05} | {f"effect {k}": 0.05 for k in range(5)})
     base, one = of(3e4), replace(of(0.0), kinds=(Kind("loop_delay", 1, 0),), information=np.eye(1) * 3e4, prior=3.0)
     tried = {

@@ -13,6 +13,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.evidence import USUAL, by_score, posterior
+from ambid.diagnosis.nameless import Ways
 from ambid.effects import Effect
 from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
@@ -135,8 +136,8 @@ class Ranking(WithFindings, Tabular):
         Of each effect that makes no sense on this rig or could not be judged, why; its name is the value ``effect``.
     comparison : Comparison or None
         What it was judged in.
-    ways : ndarray
-        Powers of the independent ways in which candidates may change the response, each as much; their sum is one.
+    ways : Ways
+        In which the candidates may change the response.
     at_fit : tuple of Candidate
         The same candidates where misfit has driven the model to, if they were judged where it began.
     """
@@ -145,7 +146,7 @@ class Ranking(WithFindings, Tabular):
     misfit: float
     findings: tuple[Finding, ...]
     comparison: Comparison | None = None
-    ways: FloatArray = field(default_factory=lambda: np.ones(1))
+    ways: Ways = field(default_factory=Ways, repr=False, compare=False)
     at_fit: tuple[Candidate, ...] = ()
 
     plot = picture("plot_ranking")
@@ -214,7 +215,7 @@ class Ranking(WithFindings, Tabular):
             own = by_score(self.comparison, c.predicted_misfit, c.score, c.degrees, c.one_sided, prior)
             tried.append(own)
         names = [c.effect.name for c in self.candidates]
-        return dict(zip(names, posterior(tried, self.ways)[1:].tolist(), strict=True))
+        return dict(zip(names, posterior(tried, self.ways.powers)[1:].tolist(), strict=True))
 
     @property
     def significant(self) -> tuple[Candidate, ...]:

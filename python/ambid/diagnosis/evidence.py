@@ -21,8 +21,8 @@ n in all. With E and E_n what H leaves beyond noise between the waves, and where
     log p(data | H, something else) = -1/2 sum log(1 + E w_i) - n/2 log(1 + E_n/n) - price,    V = 1 + E/W
 
 with the number W = sum E w_i/(1 + E w_i) of ways that count, and what is learnt of these powers, which were known to
-three decades before. Where something else shows a nonlinear shape, its linear part has no less power than that: a set
-that leaves none of it has taken its place by luck.
+three decades before; the odds of a residual that is looked at along these ways are in `nameless`. Where something else
+shows a nonlinear shape, its linear part has no less power than that: a set that leaves none has taken its place by luck.
 
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
@@ -43,6 +43,7 @@ from scipy.optimize import brentq
 from scipy.special import gammaln, log_ndtr
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis.nameless import DECADES, of_any_power
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
@@ -56,7 +57,6 @@ __all__ = [
     "OF_FORMULAS",
     "SURE",
     "DISTINCT",
-    "UNRANKED",
     "USUAL",
     "Evidence",
     "Yardstick",
@@ -66,16 +66,12 @@ __all__ = [
     "price_of",
 ]
 
-DECADES = 3.0
-"""Within so many decades is the size of an effect known before any record."""
 USUAL = 0.3
 """Effects that a machine has, on average, that its rig file does not hold."""
 NAMELESS = float(np.log(0.05))
 """Log of how likely something that the catalogue lacks is before any record."""
 INEXACT = float(np.log(0.5))
 """Log of how likely formulas leave what these records show, before any: all are idealised."""
-UNRANKED = np.full(20, 0.05)
-"""w where no effects were ranked."""
 BOUNDLESS = 1e30
 """J of records that a loop cannot have made; a number, as odds are reckoned with it."""
 LEVEL = 0.03
@@ -198,8 +194,8 @@ class Evidence:
         """
         of_waves = min(left, max(0.0, self.on_tones - least.on_tones))
         smooth = left - of_waves
-        cost = _of_any_power(smooth, ways, shape) - _of_any_power(least.beyond, ways)
-        cost += _of_any_power(of_waves, np.full(self.waves, 1.0 / max(1, self.waves)))
+        cost = of_any_power(smooth, ways, shape) - of_any_power(least.beyond, ways)
+        cost += of_any_power(of_waves, np.full(self.waves, 1.0 / max(1, self.waves)))
         variance = 1.0 + smooth / max(1.0, float(np.sum(smooth * ways / (1.0 + smooth * ways))))
         own = replace(self, beginnings=variance * max(self.beginnings, least.beginnings))
         return prior - cost - own.price(variance)
@@ -230,22 +226,6 @@ def posterior(tried: Sequence[Evidence], ways: FloatArray) -> FloatArray:
     ]
     weight = np.exp(np.array(logs) - max(logs))
     return np.asarray(weight / weight.sum())
-
-
-def _of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:
-    """What numbers of one unknown power cost that hold so much beyond noise, of which at least is expected.
-
-    Their powers are as `ways`, whose sum is one.
-    """
-    if beyond < least:
-        power = 1.0 + least * ways
-        return 0.5 * float(np.sum(np.log(power) + (1.0 + beyond * ways) / power - 1.0))
-    if beyond <= 0.0 or not len(ways):
-        return 0.0
-    power = 1.0 + beyond * ways
-    # it is known to a factor e^s, 2/s^2 = sum (1 - 1/power)^2 (Laplace), of the decades that it was within before
-    spread = float(np.sqrt(4.0 * np.pi / np.sum((1.0 - 1.0 / power) ** 2)))
-    return 0.5 * float(np.sum(np.log(power))) + max(0.0, float(np.log(DECADES * np.log(10.0) / spread)))
 
 
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:

@@ -8,9 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
-from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Ranking
-from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, UNRANKED, Evidence, Yardstick
+from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, Evidence, Yardstick
+from ambid.diagnosis.nameless import Shown, Ways
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
 from ambid.identification.minimum import ROUGHLY
@@ -104,14 +104,23 @@ class Field:
         return -0.5 * self._above(own) - own.price() - self._lowest.against
 
     @cached_property
-    def ways(self) -> FloatArray:
-        """In which ways something else may change the response, as the effects do: powers, whose sum is one."""
+    def ways(self) -> Ways:
+        """In which something else may change the response, as the effects do."""
         own = self.rankings.get(self.root)
-        return UNRANKED if own is None else own.ways
+        return Ways() if own is None else own.ways
 
     def beside(self, own: Evidence, shape: float = 0.0, prior: float = NAMELESS) -> float:
         """The same beside something else that has no name and shows a shape of such a score, or what formulas leave."""
-        return own.beside(self._left(own), self._lowest, self.ways, shape, prior)
+        return own.beside(self._left(own), self._lowest, self.ways.powers, shape, prior)
+
+    def shown_by(self, hypothesis: Hypothesis) -> Shown:
+        """What the residual of a set shows of something else."""
+        return self.ways.shown(hypothesis.fit.noise.residual(hypothesis.fit.model), hypothesis.effects)
+
+    def beside_shown(self, own: Evidence, shown: Shown) -> float:
+        """The same beside something else of which a residual shows so much."""
+        left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
+        return self.alone(own) + self._lowest.against - left.against + shown.odds + NAMELESS
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.
@@ -177,8 +186,12 @@ class Field:
         They leave a part of it in all records, those to validate on included. Those of a disturbance leave nothing, and
         it has lines of its own; nor do those of what explains nothing.
         """
-        left = max(OF_FORMULAS * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
+        left = self.left_by_formulas(hypothesis)
         return bool(hypothesis.added) and left > 0.0 and hypothesis.evidence.beyond <= left
+
+    def left_by_formulas(self, hypothesis: Hypothesis) -> float:
+        """J that the formulas of a set may leave, of what it explains."""
+        return max(OF_FORMULAS * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""

@@ -52,6 +52,13 @@ SHAPE = Kind(
     "what is left[ by {effects}] is no noise: it acts as a {port}, is {kind} and looks like {shape}, which "
     "nothing of the catalogue brings on all records",
 )
+WAYS = Kind(
+    "residual_in_the_ways_of_effects",
+    "warning",
+    "what is left[ by {effects}] is no noise: it changes the response in {ways} ways, as effects do, with {ratio:.2f} "
+    "times the power of noise, limit {limit:.2f}, and none of the catalogue explains it",
+    "record with more amplitude or for longer, and at another amplitude",
+)
 LINE = Kind("residual_line", "note", "a line at {frequency_hz:.2f} Hz is left")
 CHANGES = Kind(
     "parameter_seems_to_change",
@@ -178,5 +185,7 @@ def _of_the_nameless(verdict: Verdict) -> Iterator[Finding]:
         yield TRIED(NOWHERE, effects=tried, explained=verdict.tried_share)
     for shape in verdict.left.failed("shape")[:1]:
         yield SHAPE(NOWHERE, effects=tried, **shape.values)
+    for left in verdict.left.failed("ways") if verdict.is_to_the_noise else ():
+        yield WAYS(NOWHERE, effects=tried, ratio=left.statistic, limit=left.limit, **left.values)
     yield from (LINE(NOWHERE, **line.values) for line in verdict.left.failed("line"))
     yield from verdict.where.findings

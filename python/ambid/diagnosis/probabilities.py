@@ -129,9 +129,14 @@ def probabilities(
         if own.names & local:
             continue
         is_clean = not against or (clean is not None and clean <= own.names)
-        beside = field.beside(own.evidence, shape)
+        shown = field.shown_by(own)
+        beside = max(field.beside(own.evidence, shape), field.beside_shown(own.evidence, shown))
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
-        if is_clean and field.is_of_formulas(own):
+        if (
+            is_clean
+            and field.is_of_formulas(own)
+            and (shown.odds < 0.0 or shown.explains < field.left_by_formulas(own))
+        ):
             weighed.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
         else:
             weighed.append((beside, own.effects, True))

@@ -25,6 +25,7 @@ from scipy.special import chdtri
 from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.chance import independent_tests, log_chance_bounded
+from ambid.diagnosis.nameless import Ways
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
@@ -109,7 +110,7 @@ def rank(
     seen = see(comparison)
 
     candidates: list[Candidate] = []
-    bases: list[FloatArray] = []
+    bases: dict[str, FloatArray] = {}
     not_tried: list[Finding] = []
     present = {effect.name for effect in model.effects}
     for done, effect in enumerate(catalogue):
@@ -133,7 +134,7 @@ def rank(
             not_tried.append(NOT_APPLICABLE(NOWHERE, effect=effect.name, reason=why or effect.unseen))
         else:
             candidates.append(best)
-            bases.append(basis / np.sqrt(max(1, len(basis))))
+            bases[effect.name] = basis / np.sqrt(max(1, len(basis)))
     candidates.sort(key=lambda candidate: candidate.chance)
     directions = np.array([candidate.direction for candidate in candidates])
     cosines = np.abs(directions @ directions.T) if candidates else np.zeros((0, 0))
@@ -141,14 +142,11 @@ def rank(
     for k, candidate in enumerate(candidates):
         near = [c.effect.name for j, c in enumerate(candidates) if j != k and cosines[k, j] > CONFUSABLE]
         ranked.append(replace(candidate, confusable_with=tuple(near)))
-    return Ranking(tuple(ranked), comparison.misfit, tuple(not_tried), comparison, _ways(bases))
-
-
-def _ways(bases: Sequence[FloatArray]) -> FloatArray:
-    """Powers of the independent ways in which effects may change the response, all as much; their sum is one."""
-    every = np.concatenate(bases) if bases else np.zeros((0, 1))
-    powers = np.maximum(np.linalg.eigvalsh(every @ every.T), 0.0)
-    return np.asarray(powers / powers.sum()) if powers.any() else np.ones(1)
+    ways = Ways()
+    if bases:
+        whose = tuple(name for name, own in bases.items() for _ in own)
+        ways = Ways(np.concatenate(list(bases.values())), whose, here.spreads)
+    return Ranking(tuple(ranked), comparison.misfit, tuple(not_tried), comparison, ways)
 
 
 def _not_shown(comparison: Comparison, effect: Effect, home: Rig) -> Kind | None:

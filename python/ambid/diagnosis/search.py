@@ -17,6 +17,7 @@ import numpy as np
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import price_of
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
+from ambid.diagnosis.nameless import Ways
 from ambid.diagnosis.refits import added, home, ranked, refined, without
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect, Trait
@@ -135,7 +136,9 @@ def _ranked(task: Task, field_: Field, names: Names) -> Field:
     if names in field_.rankings:
         return field_
     with suppress(UnstableLoopError):
-        return replace(field_, rankings={**field_.rankings, names: ranked(task, field_.tried[names].fit)})
+        own = ranked(task, field_.tried[names].fit)
+        kept = own if names == field_.root else replace(own, ways=Ways())  # something else acts in those of the root
+        return replace(field_, rankings={**field_.rankings, names: kept})
     return field_
 
 

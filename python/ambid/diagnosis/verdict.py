@@ -14,6 +14,7 @@ from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.evidence import OF_FORMULAS, SURE
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
+from ambid.diagnosis.nameless import Shown
 from ambid.diagnosis.probabilities import Probabilities, probabilities
 from ambid.diagnosis.task import Task
 from ambid.findings import Where
@@ -233,7 +234,14 @@ def _left(field: Field, own: Hypothesis, where: Localisation) -> tuple[Change | 
     kept_back = None if own.kept_back is None else largest_change(own.kept_back.renewed())
     changes = [each for each in (change, kept_back) if each is not None]
     change = max(changes, key=lambda each: each.power, default=None)
-    return change, made.beside(*_lines(fit), *(each.criterion for each in changes), *_validation(own))
+    further = *_lines(fit), *(each.criterion for each in changes), *_validation(own), *_ways(field.shown_by(own))
+    return change, made.beside(*further)
+
+
+def _ways(shown: Shown) -> Iterator[Criterion]:
+    """What is left in the ways of effects, of which J over all lines sees little."""
+    if shown.ways:
+        yield Criterion("ways", shown.power / shown.ways, shown.ways, values={"ways": shown.ways})
 
 
 def _shapes_left(field: Field, best: Hypothesis) -> Iterator[Criterion]:

@@ -62,7 +62,8 @@ class Criterion:
     Attributes
     ----------
     name : str
-        ``misfit``, ``power``, ``motion``, ``shape``, ``curvature``, ``line``, ``drift`` or ``validation``.
+        ``misfit``, ``power``, ``motion``, ``shape``, ``curvature``, ``line``, ``drift``, ``ways`` or
+        ``validation``.
     statistic : float
         Over what noise brings on average.
     degrees, against : float
