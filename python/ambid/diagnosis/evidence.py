@@ -9,9 +9,9 @@ Psi~ are the whitened slopes of the parameters of its effects, freed from what a
 effect that are of one kind, such as the gains of its sensors, are of one size, whose square is P: nothing is known of
 it but the three decades that it is within (Jeffreys' prior), and of its direction in their space but the signs that
 physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
-of the unit sphere. An effect is seen by its best determined kind; of its others only the part counts that the records
-determine, 1 less the variance after them in units of P (MacKay's gamma), and what they say nothing of is free. V is 1
-where H leaves noise alone.
+of the unit sphere. An effect is there by its first kind, such as the level at which iron saturates; of its others only
+the part counts that the records determine, 1 less the variance after them in units of P (MacKay's gamma), and what they
+say nothing of is free. V is 1 where H leaves noise alone.
 
 Something else changes the response as effects of the catalogue may, by any power: w_i are the eigenvalues, of the sum
 1, of the mean of the projectors on what each of them can do, so that few ways count where little is left, and more
@@ -22,7 +22,7 @@ n in all. With E and E_n what H leaves beyond noise between the waves, and where
 
 with the number W = sum E w_i/(1 + E w_i) of ways that count, and what is learnt of these powers, which were known to
 three decades before; the odds of a residual that is looked at along these ways are in `nameless`. Where something else
-shows a nonlinear shape, its linear part has no less power than that: a set that leaves none has taken its place by luck.
+shows a nonlinear shape, its linear part has no less power than that: a set that leaves none took its place by luck.
 
 States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
 errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
@@ -35,7 +35,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -87,8 +86,6 @@ OF_FORMULAS = 0.015
 """Part of what effects explain that their formulas, which are idealised, may leave."""
 NEAR, MOST_STEPS = 0.1, 20
 """Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
-LEAST = 1e-9
-"""Part of a size that records determine, at the least: of an effect that they do not show, no kind is the best."""
 BEYOND = 2.0
 """Standard deviations of J above a right model's from which on something is left."""
 
@@ -157,15 +154,13 @@ class Evidence:
 
     def _unknown(self, precision: FloatArray) -> float:
         """What the unknown sizes of all kinds cost, of each as far as it is determined."""
-        known = 1.0 - np.diag(np.linalg.inv(precision))
-        ends = accumulate(kind.numbers for kind in self.kinds)
-        parts = [float(np.mean(known[end - own.numbers : end])) for own, end in zip(self.kinds, ends, strict=True)]
-        best = dict[str, float]()
-        for own, part in zip(self.kinds, parts, strict=True):
-            best[own.effect] = max(part, best.get(own.effect, LEAST))
-        return sum(
-            own.unknown * max(part, LEAST) / best[own.effect] for own, part in zip(self.kinds, parts, strict=True)
-        )
+        known, first, cost, names = 1.0 - np.diag(np.linalg.inv(precision)), 0, 0.0, set[str]()
+        for kind in self.kinds:
+            part = float(np.mean(known[first : first + kind.numbers])) if kind.effect in names else 1.0
+            cost += part * kind.unknown
+            first += kind.numbers
+            names.add(kind.effect)
+        return cost
 
     @property
     def alone(self) -> float:
