@@ -89,7 +89,7 @@ _EVERY = (
     SignalType(
         "a",
         "m/s^2",
-        "acceleration of the rotor",
+        "acceleration at a sensor",
         "recorder",
         ("sensor",),
         "acceleration_gain",

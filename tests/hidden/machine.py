@@ -107,8 +107,12 @@ class _Builder:
         for sensor in self.rig.sensors:
             angle = np.deg2rad(sensor.direction)
             along = np.array([np.cos(angle), np.sin(angle)]) if self.planes == 2 else np.ones(1)
-            modal = acceleration if sensor.signal == "a" else self.q
-            read[sensor.channel] = along @ rotor.at(sensor.z) @ modal
+            if sensor.housing is None:
+                moved = rotor.at(sensor.z) @ (acceleration if sensor.signal == "a" else self.q)
+            else:
+                of = [bearing.name for bearing in self.rig.bearings].index(sensor.housing)
+                moved = self.house_acceleration[of] if sensor.signal == "a" else self.house[of]
+            read[sensor.channel] = along @ moved
         beyond = [read[name][None] for name in further]
         skew = self.hidden.get("sampling_skew", {"seconds": 0.0})["seconds"]
         late = ceil(skew * self.rig.sample_rate - 1e-9)
@@ -144,13 +148,15 @@ class _Builder:
             self.house_push.append(still.copy())
 
     def _support(self) -> None:
-        for house, rate, push in zip(self.house, self.house_rate, self.house_push, strict=True):
+        self.house_acceleration = [np.zeros_like(house) for house in self.house]
+        for k, (house, rate, push) in enumerate(zip(self.house, self.house_rate, self.house_push, strict=True)):
             if house.any():
                 support = self.hidden["foundation_resonance"]
                 omega = 2.0 * np.pi * support["frequency_hz"]
                 self.net.rate(house, rate)
                 back = omega**2 * house + 2.0 * support["damping"] * omega * rate
-                self.net.rate(rate, push / support["mass_kg"] - back)
+                self.house_acceleration[k] = push / support["mass_kg"] - back
+                self.net.rate(rate, self.house_acceleration[k])
 
     # Sensors and controller -------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from ambid.diagnosis import diagnose
@@ -62,6 +63,14 @@ def test_resistance_inductance_and_back_emf_of_a_coil_whose_voltage_is_commanded
     assert lag.posterior_std < 1e-3
     by_voltage = identify(Model(rig).add("back_emf"), replace(of_voltage, i_c=None))
     assert {name for direction in by_voltage.directions for name in direction} == {"K_i.A_zeta", "R.A_zeta"}
+
+
+def test_a_gain_of_the_probe_is_one_of_all_that_it_reads(of_voltage):
+    """Of the voltage that motion induces, too."""
+    found = identify(Model(VOLTAGE.replace(tolerance={})).add("back_emf", {"voltage_per_velocity": K_I}), of_voltage)
+    models = (found.model.with_values({"voltage_gain.A_zeta": gain}) for gain in (0.0, 0.03))
+    true, read = (model.response(of_voltage)[:, of_voltage.channels.index("u.A_zeta")] for model in models)
+    np.testing.assert_allclose(read, 1.03 * true, rtol=1e-9, atol=1e-9 * np.abs(true).max())
 
 
 def as_current(record):

@@ -94,6 +94,8 @@ def largest_change(comparison: Comparison) -> Change | None:
             continue
         patterns = _patterns(part, model, [k for k, _ in bases])
         acting = np.flatnonzero(np.abs(patterns).max(axis=(0, 1)) > 0.0)  # not those of other bias currents
+        if not len(acting):
+            continue
         sidebands = _Sidebands(part, patterns[..., acting], shifts)
         amplitudes, powers = sidebands.tested()
         tried += sidebands.tests

@@ -328,7 +328,7 @@ def _uninformed(start: Model, estimate: Estimate) -> Iterator[Finding]:
         yield from not_determined(estimate.directions, frequency) if estimate.directions else ()
     elif all(record.is_free_response for record in estimate.records):
         yield from (estimate.inconsistency, UNDRIVEN(NOWHERE))
-    elif frequency is not None:
+    elif frequency is not None or len(estimate.directions) == len(names):
         directions = estimate.directions or (weakest(comparison.of(start), names) if start.is_stable else [])
         yield from (estimate.inconsistency, *not_determined(directions, frequency))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ambid.effects.amplifier import FAR, IDEAL
 from ambid.effects.traits import LAG_OF_CURRENT, LAG_ROUND_LOOP
 from ambid.loop.effect import Effect, EffectParameter, Trait
-from ambid.loop.plant import READ, Plant
+from ambid.loop.plant import SENSED, Plant
 from ambid.rig import Rig
 
 CURRENT_DRIVEN = (
@@ -54,7 +54,7 @@ class BackEmf(Effect):
             induced = plant.port(slot, plant[f"v.{axis}"])
             plant.inject(f"{port}.{axis}", -induced)
             if port == "i_ref":
-                plant.inject(f"{READ}u.{axis}", induced)
+                plant.inject(f"{SENSED}u.{axis}", induced)
 
 
 @dataclass(frozen=True)

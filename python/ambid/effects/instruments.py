@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from ambid.channels import SIGNALS, further
 from ambid.effects.known import Known, KnownInstant
 from ambid.loop.effect import Effect
-from ambid.loop.plant import READ, Plant
+from ambid.loop.plant import READ, SENSED, Plant
 from ambid.rig import Rig
 
 __all__ = ["KnownCoil", "KnownGain", "KnownInstants", "instruments_among", "with_instruments"]
@@ -108,7 +108,7 @@ class KnownCoil(Known):
         """At every voltage."""
         value, signal = getattr(plant.rig.amplifier, self.name), {"coil_resistance": "i_a"}.get(self.name, "i_a_rate")
         for axis in self.members(plant.rig):
-            plant.inject(f"{READ}u.{axis}", plant.port(self.slot(axis), value * plant[f"{signal}.{axis}"]))
+            plant.inject(f"{SENSED}u.{axis}", plant.port(self.slot(axis), value * plant[f"{signal}.{axis}"]))
 
 
 Instrument = KnownGain | KnownCoil | KnownInstants

@@ -16,7 +16,7 @@ from ambid.effects.places import of_two_axes
 from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
-from ambid.loop.plant import READ, Plant
+from ambid.loop.plant import SENSED, Plant
 from ambid.rig import Rig
 
 HOLDING = 0.8
@@ -166,7 +166,7 @@ def _force_law(plant: Plant, curve: str, slots: Mapping[str, str], held: Sequenc
         plant.inject(f"f.{axis}", plant.block("force_law", signals, own, constants, curve=curve, single=single))
         if f"b.{axis}" in plant.measured:
             root = plant.block("force_law", signals, own, constants, curve=f"root_{curve}", single=single)
-            plant.inject(f"{READ}b.{axis}", root / plant.rig.force_per_flux[axis])
+            plant.inject(f"{SENSED}b.{axis}", root / plant.rig.force_per_flux[axis])
 
 
 def _of_axes(rig: Rig) -> list[tuple[float, float, float]]:

@@ -11,7 +11,7 @@ import numpy as np
 from ambid.effects.places import AtPlace, acting_at, mass_or_one, size_of_stiffness
 from ambid.effects.traits import DAMPING, RESONANCE, STIFFNESS
 from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
-from ambid.loop.plant import Plant
+from ambid.loop.plant import SENSED, Plant
 from ambid.rig import PointMassRotor, Rig
 
 ROUNDED_TOUCH = 0.01
@@ -307,6 +307,11 @@ class FoundationResonance(OneProbe):
             slowed = plant.port(frequency, h + damped, scale=2.0 * pi)
             pushed = plant.port(frequency, pushed, power=-1, scale=1.0 / (2.0 * pi))
             plant.set_rate(f"housing_rate.{axis}", -slowed - pushed)
+            seen = {own: part for own, part in plant.on_housing(axis).items() if own.channel in plant.measured}
+            if any(own.signal == "a" for own in seen):
+                accelerated = plant.port(frequency, -slowed - pushed, scale=2.0 * pi)
+            for own, part in seen.items():
+                plant.inject(f"{SENSED}{own.channel}", part * (accelerated if own.signal == "a" else h))
             for signal, moved in (("s", h), ("at_sensor", h), ("v", rate)):
                 plant.inject(f"{signal}.{axis}", -moved)
 

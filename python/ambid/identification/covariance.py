@@ -183,6 +183,8 @@ def inverted(hessian: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _larger(a: FloatArray, b: FloatArray) -> FloatArray:
     """The smallest covariance of this kind that is not below either: b, and what a has beyond it."""
+    if not b.any():  # nothing moves any output
+        return a
     root = np.linalg.cholesky(b + 1e-14 * np.trace(b) * np.eye(len(b)))
     inner = np.linalg.solve(root, np.linalg.solve(root, a).T)
     values, vectors = np.linalg.eigh(inner)

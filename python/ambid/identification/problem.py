@@ -183,7 +183,7 @@ class LeastSquares(ABC):
         hessian, gradient, cost = tempered(*self.normal_equations(x), weights, x, self.size)
         values, vectors = np.linalg.eigh(hessian)
         roots = np.sqrt(np.maximum(values, values[-1] * 1e-15))
-        explained = vectors.T @ gradient / roots
+        explained = np.divide(vectors.T @ gradient, roots, out=np.zeros_like(roots), where=roots > 0.0)
         rest = np.sqrt(max(cost - explained @ explained, 0.0))
         return np.append(explained, rest), np.vstack([roots[:, None] * vectors.T, np.zeros(len(x))])
 

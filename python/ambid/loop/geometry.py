@@ -41,7 +41,7 @@ def rotor_of(rig: Rig, more: int = 0, places: Iterable[float] = ()) -> ReducedRo
         What the rig file gives cannot be a free rotor, or is not known there.
     """
     own = [z for bearing in rig.bearings for z in (bearing.position, bearing.sensor_position)]
-    own += [support.z for support in rig.rotor.support] + [sensor.z for sensor in rig.sensors]
+    own += [support.z for support in rig.rotor.support] + [sensor.z for sensor in rig.sensors if sensor.housing is None]
     try:
         rotor = reduced_rotor(with_more_modes(rig.rotor, more) if more else rig.rotor, [*own, *places])
     except RigError as error:

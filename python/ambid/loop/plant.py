@@ -11,7 +11,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError
 from ambid.loop.assembly import ZERO, Assembly, GainError, LateOutput, Lft, Signal, combine
 from ambid.loop.geometry import axes_in_planes, sensors_in_planes
-from ambid.rig import Rig
+from ambid.rig import Rig, Sensor
 from ambid.rotor import ReducedRotor
 
 EXCITATION = "excitation"
@@ -24,8 +24,9 @@ HEARD = "heard."
 """Before the name of a channel: as the controller reads it, where the record holds something else."""
 
 
-READ = "read."
-"""What the name of a signal begins with that an instrument beside those of y and i_c reads."""
+SENSED, READ = "sensed.", "read."
+"""What the names of signals begin with that an instrument beside those of y and i_c is exposed to, and that it reads:
+the same but for its gain."""
 MOTION = {"y": "eta", "a": "eta_bend"}
 """What the signals of sensors read, as `Plant.at` takes it."""
 
@@ -44,7 +45,7 @@ class Plant(Assembly):
     ``i_f_rate`` [A/s], ``s`` [m] and ``v`` [m/s] at the magnet, ``f`` [N]; ``at_sensor`` [m] at the sensor, ``turned``
     along its axis, ``scaled`` by its gain, and ``y`` as read, each made of the one before. y and i_c go on into the
     record as ``exchanged.y``, ``reversed.y`` and ``recorded.y``, which no controller reads; further channels
-    are ``read.<channel>``. Of each modal coordinate k:
+    are ``sensed.<channel>`` before the gain of their instrument, and ``read.<channel>``. Of each modal coordinate k:
     ``eta.k``, ``eta_rate.k``, ``eta_bend.k``, ``modal_force.k``. The parameters of effects are stated for the rig
     `reference`, which is another operating point of this machine where records of several are fitted together; further
     channels are read where they are among those `measured`.
@@ -130,15 +131,26 @@ class Plant(Assembly):
         eddy currents and hysteresis. The voltage u = R i_a + L i_a' + e of a coil whose voltage is commanded is the
         command; back-EMF e and limits add to both sides. Where current is commanded, e = K_i v: a magnet without losses
         makes as much electric power of motion as mechanical power of current. Acceleration at a sensor is that by all
-        forces on the rotor.
+        forces on the rotor. A housing is at rest until an effect moves it.
         """
         for axis, gain in self.rig.force_per_flux.items():
-            self.signal(f"{READ}b.{axis}", self.raw(f"f.{axis}") / gain)
+            self._instrument(f"b.{axis}", self.raw(f"f.{axis}") / gain)
         for axis in self.axes:
-            self.signal(f"{READ}f.{axis}", self[f"f.{axis}"])
-            self.signal(f"{READ}u.{axis}", self._voltage(axis))
+            self._instrument(f"f.{axis}", self[f"f.{axis}"])
+            self._instrument(f"u.{axis}", self._voltage(axis))
         for own, direction in zip(self.rig.sensors, sensors_in_planes(self.rig, self.rotor.planes), strict=True):
-            self.signal(f"{READ}{own.channel}", self.at(own.z, direction, MOTION[own.signal]))
+            motion = ZERO if own.housing else self.at(own.z, direction, MOTION[own.signal])
+            self._instrument(own.channel, motion)
+
+    def _instrument(self, channel: str, sensed: Signal) -> None:
+        self.signal(f"{READ}{channel}", self.signal(f"{SENSED}{channel}", sensed))
+
+    def on_housing(self, axis: str) -> dict[Sensor, float]:
+        """Sensors on the housing of an axis, each with what it reads of a motion along that axis."""
+        bearing = next(own for own in self.rig.bearings if axis in own.axis_names)
+        along = sensors_in_planes(self.rig, self.rotor.planes) @ self.directions[self.axes.index(axis)]
+        sensors = zip(self.rig.sensors, along, strict=True)
+        return {own: float(part) for own, part in sensors if own.housing == bearing.name}
 
     def _voltage(self, axis: str) -> Signal:
         """Of the coils of an axis [V]; the command where the rig file does not say what they are."""

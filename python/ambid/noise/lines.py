@@ -341,5 +341,5 @@ class RecordLines(NoisyLines):
 
 def as_lines(white: FloatArray, p: int) -> ComplexArray:
     """Whitened numbers, shape (numbers, ...), as complex lines, shape (lines, p, ...)."""
-    pairs = white.reshape(-1, p, 2, *white.shape[1:])
+    pairs = white.reshape(len(white) // (2 * p), p, 2, *white.shape[1:])
     return np.asarray(pairs[:, :, 0] + 1j * pairs[:, :, 1])

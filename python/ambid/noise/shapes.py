@@ -141,7 +141,7 @@ class Shapes:
         size = np.linalg.norm(slopes, axis=0)
         basis, _ = np.linalg.qr(slopes[:, size > 0.0] / size[size > 0.0])
         white = as_lines(residual - basis @ (basis.T @ residual), p)[:lines]
-        known = stacked(as_lines(basis, p)[:lines].reshape(-1, basis.shape[1]))
+        known = stacked(as_lines(basis, p)[:lines].reshape(lines * p, basis.shape[1]))
         cost = float(np.sum(np.abs(white) ** 2))
         return cls(sight, window, against, stacked(white.reshape(-1, 1))[:, 0], known, cost)
 

@@ -124,13 +124,15 @@ class Sensor(Spec):
     Parameters
     ----------
     signal : str
-        What it reads: acceleration of the rotor `a` [m/s^2], or its displacement `y` [m].
+        What it reads: acceleration `a` [m/s^2], or displacement `y` [m], of the rotor.
     name : str
         An identifier without dots, none of an axis.
     position : float, optional
         z [m]; a plain mass has no places.
     direction : float
         In which it reads, from global x to y [degrees]; a plain mass has none.
+    housing : str, optional
+        Name of the bearing on whose housing it sits; then it reads the motion of that, and has no position.
     """
 
     signal: SensorSignal = Field(
@@ -139,6 +141,7 @@ class Sensor(Spec):
     name: str = Field(description="a name such as drive_end: letters, digits and _, no dots")
     position: Position | None = None
     direction: Annotated[float, DIRECTION] = 0.0
+    housing: str | None = Field(None, description="the name of a bearing")
 
     @field_validator("name")
     @classmethod

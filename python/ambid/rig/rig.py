@@ -135,13 +135,22 @@ class Rig(Spec):
             for k, name in enumerate(names)
             if name in axes or name in names[:k]
         ]
+        if "bearings" in info.data:
+            bearings = [bearing.name for bearing in info.data["bearings"]]
+            text = f"expected the name of a bearing, {', '.join(bearings)}; correct it, or leave it out on the rotor."
+            problems += [
+                problem(text, own.housing, k, "housing")
+                for k, own in enumerate(sensors)
+                if own.housing is not None and own.housing not in bearings
+            ]
         rotor = info.data.get("rotor")
         if rotor is not None and rotor.span is not None:
             required = "expected the sensor's place on the shaft; add it, in m."
             problems += [
                 problem(complaint, NOTHING if own.position is None else own.position, k, "position")
                 for k, own in enumerate(sensors)
-                if (complaint := required if own.position is None else off_the_shaft(rotor.span, own.position))
+                if own.housing is None
+                and (complaint := required if own.position is None else off_the_shaft(rotor.span, own.position))
             ]
         refuse(*problems)
         return sensors
