@@ -9,8 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.errors import InputError
 
-__all__ = ["multisine", "prbs"]
-
 MOST_ORDER = 24
 """Of a shift register: a period of 17 million chips."""
 FINER = 4

@@ -9,8 +9,6 @@ from math import isfinite
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
-__all__ = ["KINDS", "NOWHERE", "REMARK", "SEVERITIES", "Finding", "Kind", "Severity", "Where", "WithFindings", "has"]
-
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 """Worst first."""

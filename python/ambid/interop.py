@@ -25,8 +25,6 @@ from ambid.writing import whole_file
 if TYPE_CHECKING:
     import scipy.signal
 
-__all__ = ["controller_from", "controller_from_mat", "rotor_from_ross", "to_control", "to_mat", "to_scipy"]
-
 LATERAL = {4: (0, 1, 2, 3), 6: (0, 1, 3, 4)}
 """Places of [u_x, u_y, theta_x, theta_y] among four freedoms of a node, or among six with axial motion and torsion."""
 RIGID = 1e-9

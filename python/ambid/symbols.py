@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import re
 
-__all__ = ["in_latex", "in_page", "in_picture"]
-
 SYMBOLS = {"K_i": "K", "K_s": "K", "tau_e": "τ", "i_e": "i", "i_c": "i", "i_ref": "i"}
 """What stands before the subscript, which is the part behind the ``_``."""
 _SYMBOL = re.compile(rf"\b({'|'.join(SYMBOLS)})(?![A-Za-z0-9_])")

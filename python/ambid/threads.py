@@ -9,8 +9,6 @@ from typing import Any, ParamSpec, TypeVar
 
 from threadpoolctl import ThreadpoolController
 
-__all__ = ["with_one_blas_thread"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

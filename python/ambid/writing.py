@@ -12,8 +12,6 @@ from typing import BinaryIO
 
 from ambid.errors import InputError, OutputError
 
-__all__ = ["is_device", "make_folder", "require_writable", "whole_file"]
-
 TEMPORARY = ".ambid-{}.tmp"
 """Name of the file that grows beside the one to be replaced; a killed process may leave one, which may be deleted."""
 

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from ambid import Model, compare, prbs
+from ambid.loop.effect import Tone
 from ambid.noise.in_time import InTime
 from ambid.noise.lines import RecordLines
-from ambid.noise.tones import Tone
 from hidden.one_axis import ONE_AXIS
 
 PERIOD = 1020

@@ -9,7 +9,8 @@ from ambid import Model, Noise, compare, diagnose, identify, prbs
 from ambid.effects import find
 from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
-from ambid.noise.tones import OUTSTANDING, find_tones
+from ambid.noise.tones import find_tones
+from ambid.noise.wave import OUTSTANDING
 from hidden.bench import simulate
 from hidden.experiment import experiment_on
 from hidden.families import BENCHES

@@ -6,7 +6,8 @@ import pytest
 import ambid
 from ambid.errors import RigError
 from ambid.rig import MatrixRotor, ModalRotor, Rig, StateSpaceController
-from ambid.rig.rotor import Disk, off_the_shaft
+from ambid.rig.parts import Disk
+from ambid.rig.rotor import off_the_shaft
 from places import BENCH
 
 MODES = {"frequencies_hz": [0, 0, 550.0], "damping": [0, 0, 0.01], "positions": [0.14, 0.2, 0.66, 0.72]}

@@ -16,8 +16,6 @@ from ambid.record import Record
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["campaign"]
-
 STOPPED = Kind(
     "campaign_stopped", "warning", "stopped after {done} of {total} fits[: not finished are {folders}]", "begin anew"
 )

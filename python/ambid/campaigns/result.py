@@ -16,8 +16,6 @@ from ambid.record import Measurement
 from ambid.results import picture
 from ambid.rig import Rig
 
-__all__ = ["BiasPoint", "Campaign", "Runs"]
-
 STATIC = "static"
 """Name of the method that is not a kind of records."""
 NOT_CONVERGED = Kind("fit_not_converged", "warning", "the fit ended with the status {status}")

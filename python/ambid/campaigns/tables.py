@@ -12,8 +12,6 @@ from ambid.errors import InputError
 from ambid.symbols import in_latex
 from ambid.writing import whole_file
 
-__all__ = ["Table", "is_table", "save_tables", "table_files"]
-
 NAMES = ("K_i", "K_s", "tau_e")
 SUFFIXES = (".csv", ".tex")
 FIRST = "folder"

@@ -19,8 +19,6 @@ from ambid.checking.nominal import NominalLoop
 from ambid.noise.window import Window
 from ambid.record import Record
 
-__all__ = ["Clock", "Jump", "out_of_step"]
-
 STRETCHES = 8
 """Stretches of a period in each of which a shift is found."""
 SURE = 100.0

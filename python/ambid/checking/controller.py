@@ -23,8 +23,6 @@ from ambid.checking.lines import HIGHEST_FREQUENCY, Lines
 from ambid.checking.nominal import NominalLoop
 from ambid.rig import PidController
 
-__all__ = ["ControllerFit", "Late", "current_late", "fit_controller", "read_late"]
-
 MOST_HELD = 8
 """States of a controller up to which what they held is fitted."""
 TURN = 1e-4

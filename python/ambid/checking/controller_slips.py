@@ -23,12 +23,6 @@ from ambid.effects.slips import LEAST, MOST, ControllerGainError
 from ambid.findings import Finding, Kind, Severity, Where
 from ambid.record import Record
 
-__all__ = [
-    "DOUBTFUL_GAIN",
-    "GAINS_DIFFER",
-    "slips_of_controller",
-]
-
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond `SURELY`."""
 SURELY = 5.0

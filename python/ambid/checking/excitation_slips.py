@@ -23,12 +23,6 @@ from ambid.checking.signs import opposite_sign
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = [
-    "FOREIGN_EXCITATION",
-    "slips_of_closed_loop",
-    "slips_of_excitation",
-]
-
 ALIKE = 0.5
 """Correlation above which two signals have to do with each other."""
 

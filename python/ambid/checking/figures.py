@@ -13,8 +13,6 @@ from ambid.rig import Rig
 from ambid.robustness import sensitivity_peaks, zone_of
 from ambid.robustness.sensitivity import BrokenLoop
 
-__all__ = ["LoopFigures", "RecordFigures", "ResponseFigures"]
-
 
 @dataclass(frozen=True)
 class LoopFigures:

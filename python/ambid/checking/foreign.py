@@ -7,8 +7,6 @@ from ambid.record import Record
 from ambid.record.checks import decays
 from ambid.rig import Rig
 
-__all__ = ["AXES_DIFFER", "NOT_LOGGED", "NO_EXCITATION", "RATE_DIFFERS", "slips_of_another_rig"]
-
 AXES_DIFFER = Kind(
     "axes_differ", "error", "axes {axes}, the rig has {rig_axes}", "load the record with the rig that it belongs to"
 )

@@ -13,17 +13,6 @@ from ambid.checking.nominal import NominalLoop
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = [
-    "CHANNEL_DELAY",
-    "CLOCK_DIFFERENCE",
-    "CURRENT_AHEAD",
-    "CURRENT_BEHIND",
-    "SAMPLES_LOST",
-    "SAMPLES_REPEATED",
-    "slips_of_clocks",
-    "slips_of_instants",
-]
-
 CLOCK_DIFFERENCE = Kind(
     "clock_difference",
     "error",

@@ -15,8 +15,6 @@ from ambid.record.checks import at_limits
 from ambid.record.rebuild import commanded
 from ambid.rig import Rig
 
-__all__ = ["Law", "find_laws"]
-
 MOST_LAGS = 4
 """Commands before that a recursion may hold on to: an integrator, and filters of third order."""
 BETTER = 0.3

@@ -8,8 +8,6 @@ from typing import Any
 from ambid.checking.law import Law
 from ambid.findings import Finding, Kind, Severity, Where
 
-__all__ = ["slips_of_laws"]
-
 FAR_BETTER = 0.1
 """Part of what the rig's controller leaves to which a law must bring it to be held against it."""
 MATTERS = 1e-3

@@ -18,8 +18,6 @@ from ambid.checking.signs import opposite_sign
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["FORCE_TOO_SMALL", "slips_of_machine", "taken_as"]
-
 NOMINAL = 0.8
 """Correlation with the nominal response from which on its size must be right; hidden lags of a sample leave 0.6."""
 OPPOSITE = -0.6

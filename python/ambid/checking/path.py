@@ -16,8 +16,6 @@ from ambid.findings import Finding, Kind, Where
 from ambid.model import Model
 from ambid.record import Record
 
-__all__ = ["OPERATING_POINT_DRIFT", "path"]
-
 OPERATING_POINT_DRIFT = Kind(
     "operating_point_drift",
     "warning",

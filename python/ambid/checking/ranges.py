@@ -12,8 +12,6 @@ from ambid.record import Record
 from ambid.record.checks import displacement
 from ambid.rig import Rig
 
-__all__ = ["ONE_PERIOD", "TOO_SMALL", "slips_of_periods", "slips_of_ranges"]
-
 HOLDS_BIAS = 0.1
 """Relative difference up to which a mean of i_c is the bias current itself: the whole current was recorded."""
 

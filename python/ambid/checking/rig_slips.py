@@ -12,8 +12,6 @@ from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
 from ambid.rig.notes import notes_of
 
-__all__ = ["UNSTABLE_LOOP", "slips_of_rig"]
-
 GROWING = 1e-6
 """Growth of a controller's pole, relative to its fastest, that is more than rounding of an integrator."""
 

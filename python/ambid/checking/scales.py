@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["SLIPS", "wrong_unit"]
-
 SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
 """Factors by which a sign or a unit goes wrong."""
 UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}

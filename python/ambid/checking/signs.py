@@ -13,8 +13,6 @@ from ambid.checking.nominal import NominalLoop
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 
-__all__ = ["UNEXPLAINED", "opposite_sign", "turned"]
-
 UNEXPLAINED = 0.4
 """Part of i_c, by rms, that the controller's equation may miss before a wrong column or excitation is sought."""
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ambid.checking.controller_slips import DOUBTFUL_GAIN, GAINS_DIFFER, slips_of_controller
 from ambid.checking.excitation_slips import slips_of_closed_loop
+from ambid.checking.figures import LoopFigures, RecordFigures, ResponseFigures
 from ambid.checking.foreign import slips_of_another_rig
 from ambid.checking.instants import CHANNEL_DELAY, slips_of_clocks
 from ambid.checking.law import Law, find_laws
@@ -24,7 +25,7 @@ from ambid.checking.path import path
 from ambid.checking.ranges import slips_of_periods, slips_of_ranges
 from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.signs import opposite_sign
-from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
+from ambid.checking.soundness import Soundness
 from ambid.checking.stopping import stops_diagnosis
 from ambid.errors import RecordError
 from ambid.findings import SEVERITIES, Finding, Kind, Where, has
@@ -32,8 +33,6 @@ from ambid.record import Record, Source, load_measurement
 from ambid.results import speed_text
 from ambid.rig import Rig, as_rig
 from ambid.threads import with_one_blas_thread
-
-__all__ = ["check"]
 
 NO_LINES = Kind(
     "no_excited_lines",

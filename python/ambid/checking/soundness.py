@@ -11,8 +11,6 @@ from ambid.checking.law import Law
 from ambid.findings import SEVERITIES, Finding, WithFindings
 from ambid.results import plain
 
-__all__ = ["LoopFigures", "RecordFigures", "ResponseFigures", "Soundness"]
-
 MOST_LISTED = 15
 """Findings that are printed, at most."""
 

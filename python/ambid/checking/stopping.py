@@ -8,8 +8,6 @@ from ambid.checking.instants import CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPE
 from ambid.checking.ranges import ONE_PERIOD, TOO_SMALL
 from ambid.findings import Finding, has
 
-__all__ = ["STOPPING", "stops_diagnosis"]
-
 STOPPING = (
     AXES_DIFFER,
     RATE_DIFFERS,

@@ -22,8 +22,6 @@ from ambid.cli.standing import campbell_command, margins_command, poles_command
 from ambid.cli.virtual import monte_carlo_command
 from ambid.cli.working import workbench_command
 
-__all__ = ["app", "command"]
-
 app = typer.Typer(
     name="ambid",
     cls=Commands,

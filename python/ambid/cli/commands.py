@@ -8,8 +8,6 @@ from collections.abc import Iterable
 
 from ambid.findings import Finding
 
-__all__ = ["COMMANDS", "command_of", "with_command"]
-
 DIAGNOSE = "ambid diagnose RIG RECORD"
 COMMANDS = {
     "deflection_left_out": "ambid static-load RIG LOADS --deflection",

@@ -8,8 +8,6 @@ from inspect import Parameter, signature
 import ambid
 from ambid.errors import ModelError, RigError
 
-__all__ = ["with_effects"]
-
 
 def with_effects(model: ambid.Model, options: Sequence[str]) -> ambid.Model:
     """Return the model with the effects that options such as ``sensor_lag:time_constant=2e-5`` name.

@@ -9,8 +9,6 @@ from typing import Any
 from ambid.errors import printable
 from ambid.findings import Finding
 
-__all__ = ["begin_findings", "note", "with_findings"]
-
 _noted: list[Finding] = []
 
 

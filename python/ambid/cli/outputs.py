@@ -176,8 +176,8 @@ def _is_same(path: Path, other: Path) -> bool:
 
 
 def _require_own_kind(option: str, path: Path) -> None:
-    from ambid.record.frequency_readers import UNIVERSAL  # not at the top: --help need not open that room
-    from ambid.record.readers import SUFFIXES
+    from ambid.record.readers import SUFFIXES  # not at the top: --help need not open that room
+    from ambid.record.universal import UNIVERSAL
 
     kind = {".toml": "a rig file"} | dict.fromkeys((*SUFFIXES, *UNIVERSAL), "a record")
     suffix = Path(os.path.realpath(path)).suffix.lower()

@@ -16,8 +16,6 @@ from typing import Any, TypeVar
 
 from ambid.errors import Stopped
 
-__all__ = ["begin_results", "came", "done_of", "droppable", "exit_code", "finish", "stoppable", "stopped", "watch"]
-
 T = TypeVar("T")
 
 AGAIN = 0.02

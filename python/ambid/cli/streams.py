@@ -8,8 +8,6 @@ import os
 import sys
 from typing import Any, TextIO
 
-__all__ = ["finish", "protect"]
-
 
 class _Patient(io.RawIOBase):
     """A stream whose failure is kept for later; what comes after it is dropped."""

@@ -11,8 +11,6 @@ from ambid.cli.files import count_of
 from ambid.errors import InputError
 from ambid.findings import Finding, Kind, Where, has
 
-__all__ = ["Updated", "files_of_mended", "mended", "require_rig", "updated"]
-
 DOUBTFUL = Kind(
     "rig_update_doubtful",
     "warning",

@@ -15,8 +15,6 @@ from typing import Any
 import ambid
 from ambid.errors import InputError
 
-__all__ = ["workers_of"]
-
 PATIENCE = 5.0
 """Seconds in which a scheduler answers; one that is there takes far less than one."""
 MOST_WORKERS = 1000

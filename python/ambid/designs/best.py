@@ -25,8 +25,6 @@ from ambid.noise.foreseen import Instruments
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Design", "design"]
-
 SENSITIVE = Kind(
     "peaks_uncertain",
     "warning",

@@ -14,8 +14,6 @@ from ambid.model import Model
 from ambid.record import Record
 from ambid.rig import PidController, Rig
 
-__all__ = ["Change", "changes"]
-
 
 @dataclass(frozen=True)
 class Change:

@@ -19,8 +19,6 @@ from ambid.noise.foreseen import Instruments, foreseen
 from ambid.record import Record
 from ambid.results import Tabular, plain
 
-__all__ = ["FEWEST", "Prospect", "prospect"]
-
 FEWEST = 4
 """Periods that an experiment has at the least: what differs between them is the noise, and tones and drift need 4."""
 

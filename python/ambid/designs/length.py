@@ -17,8 +17,6 @@ from ambid.identification.estimate import NORMAL_95
 from ambid.identification.tolerances import NOISE
 from ambid.model import Model
 
-__all__ = ["LONGEST", "missed", "of_signals", "periods_of", "without_signals"]
-
 LONGEST = 3600.0
 """Seconds that an experiment may last: no machine stays the same for longer."""
 TOO_SHORT = Kind(

@@ -15,8 +15,6 @@ from ambid.excitation import multisine, prbs
 from ambid.model import Model
 from ambid.noise.foreseen import Instruments
 
-__all__ = ["MULTISINE", "PRBS", "SIGNALS", "Option", "Task", "compared"]
-
 PRBS, MULTISINE = "prbs", "multisine"
 SIGNALS = (PRBS, MULTISINE)
 

@@ -17,8 +17,6 @@ from ambid.results import Tabular, plain
 from ambid.rig import Rig
 from ambid.robustness import ZONES
 
-__all__ = ["Forecast", "Limits", "Peaks", "forecast"]
-
 MOST_OF_POWER = 0.9
 """Part of an excitation's power that its band holds."""
 

@@ -15,8 +15,6 @@ from ambid.record.writers import require_format, write
 from ambid.rig import Rig
 from ambid.writing import whole_file
 
-__all__ = ["PLAYED", "full_scale_of", "require_playable", "save_excitation"]
-
 PLAYED = (".csv", ".mat", ".wav")
 """Formats that what drives a machine reads."""
 LARGEST = 2**31 - 1

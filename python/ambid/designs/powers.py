@@ -34,8 +34,6 @@ from ambid.noise.colour import back_through_loop
 from ambid.noise.foreseen import Instruments
 from ambid.noise.whitener import Spectrum
 
-__all__ = ["PoweredLines", "Powers", "best_powers", "criterion"]
-
 HIGHEST = 0.4
 """Part of the sample rate up to which lines are excited; above, filters of converters bend what is played."""
 NEAR = 0.99

@@ -30,14 +30,13 @@ from ambid.diagnosis import Diagnosis
 from ambid.diagnosis.evidence import DISTINCT
 from ambid.diagnosis.probabilities import NEGLIGIBLE
 from ambid.errors import InputError, ModelError, UnstableLoopError
-from ambid.identification.minimum import ROUGHLY, refit
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
 from ambid.results import Tabular, plain
 from ambid.threads import with_one_blas_thread
-
-__all__ = ["Proposal", "Proposals", "next_experiments", "tell_apart"]
 
 CURRENT_NOISE = 0.01
 """Rms of i_c [A] where it was not recorded: that of a common current probe."""

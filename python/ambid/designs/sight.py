@@ -29,8 +29,6 @@ from ambid.noise import Comparison
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Visibility", "Visible", "visible"]
-
 FELT = 1e-9
 """Part of a response that is left beside the known parameters, below which an effect moves nothing else."""
 UNFELT = 1e-6

@@ -13,8 +13,6 @@ from ambid.diagnosis.result import Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.findings import NOWHERE, Finding, Kind
 
-__all__ = ["next_steps"]
-
 TWINS = 0.999
 """Effects whose freed responses have a larger cosine are the same in this kind of record."""
 WITH_VALIDATION = Kind(

@@ -21,8 +21,6 @@ from ambid.identification.minimum import refit
 from ambid.noise import Comparison, compare
 from ambid.rig import Rig
 
-__all__ = ["Changing", "changing"]
-
 KNOWN = 0.1
 """Standard error over its value up to which a point determines a parameter."""
 

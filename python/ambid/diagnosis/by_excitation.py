@@ -29,8 +29,6 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.results import band_text, picture, plain
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["MisfitMatrix", "misfit_matrix"]
-
 BANDS = 8
 """Bands of equal ratio in frequency; the lowest are joined until each holds enough lines."""
 LINES = 4

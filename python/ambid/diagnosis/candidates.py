@@ -19,8 +19,6 @@ from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
 from ambid.results import Tabular, picture, plain
 
-__all__ = ["ALPHA", "Candidate", "Ranking"]
-
 ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
 SAME = 1e-6

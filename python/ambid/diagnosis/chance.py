@@ -8,8 +8,6 @@ from scipy.special import comb
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.chance import log_chance
 
-__all__ = ["independent_tests", "log_chance", "log_chance_bounded"]
-
 
 def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
     """The same where so many of the amplitudes may only be positive: each is at its bound in half of all records."""

@@ -12,12 +12,11 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.errors import RecordError, UnstableLoopError
-from ambid.identification.minimum import ROUGHLY, refit
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison
 from ambid.noise.angles import undisturbed
 from ambid.record import Measurement
-
-__all__ = ["is_everywhere"]
 
 CHANCE = 0.05
 """Chance of the fall of J that each half must show: what is just sure on a whole record shows half of its score on each

@@ -29,8 +29,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
 from ambid.noise.whitener import Spectrum, between_lines
 
-__all__ = ["Change", "largest_change"]
-
 FASTEST = 24
 """Cycles per record up to which changes are looked for."""
 SUSPECTED = 0.01

@@ -11,8 +11,6 @@ from ambid.diagnosis.result import Family
 from ambid.diagnosis.search import traits_of
 from ambid.effects import Effect, Trait
 
-__all__ = ["families", "shared_value"]
-
 NEAR = 20.0
 """Log evidence by which a set with a twin may fall behind, where both reach the noise."""
 AGREED = 1.2

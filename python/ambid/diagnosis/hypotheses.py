@@ -13,10 +13,8 @@ from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, Evidence, Y
 from ambid.diagnosis.nameless import Shown, Ways
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
-from ambid.identification.minimum import ROUGHLY
+from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison, compare
-
-__all__ = ["Field", "Hypothesis", "Names", "begun"]
 
 Names = frozenset[str]
 

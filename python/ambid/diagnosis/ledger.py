@@ -9,8 +9,6 @@ from ambid.diagnosis.result import Step
 from ambid.diagnosis.task import Task
 from ambid.noise import Comparison
 
-__all__ = ["steps_to"]
-
 
 def steps_to(task: Task, field: Field, best: Hypothesis, base: Comparison) -> list[Step]:
     """Every step, the base model first.

@@ -20,11 +20,9 @@ from ambid.noise.chance import RARE, SPREAD, misfit_bound
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shapes import TERMS
-from ambid.noise.tones import OUTSTANDING
+from ambid.noise.wave import OUTSTANDING
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
-
-__all__ = ["Cell", "Growth", "Localisation", "MisfitMap", "largest_cell", "localise", "misfit_maps"]
 
 BANDS = 12
 """Bands of the map, of equal ratio in frequency."""

@@ -15,8 +15,6 @@ from ambid.noise.halves import UNEVEN
 from ambid.noise.still import LOUDER
 from ambid.noise.unseen import OVER_CEILING
 
-__all__ = ["findings_of", "not_determined", "place"]
-
 NOT_DETERMINED = Kind(
     "not_determined",
     "warning",

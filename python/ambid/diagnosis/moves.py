@@ -13,8 +13,6 @@ from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Comparison
 
-__all__ = ["Moved", "moved", "standard_errors"]
-
 REPORTED = 2.0
 """Standard errors beyond which a change is reported."""
 

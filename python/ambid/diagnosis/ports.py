@@ -19,8 +19,6 @@ from ambid.noise.inlets import Sight
 from ambid.noise.shapes import NoShapes, Shapes, Term
 from ambid.rig import Rig
 
-__all__ = ["Port", "needed_at_ports"]
-
 PORTS = {
     "force": ("f", "N", "force at the magnets, whatever its cause: magnet, seal, rotor"),
     "current": ("i_ref", "A", "current at the amplifiers, command included"),

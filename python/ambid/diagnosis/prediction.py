@@ -13,8 +13,6 @@ from ambid.diagnosis.localisation import MisfitMap, misfit_maps
 from ambid.errors import InputError
 from ambid.results import band_text, picture, plain
 
-__all__ = ["Prediction", "predict"]
-
 FINE = 36
 """Bands of the curves over frequency."""
 

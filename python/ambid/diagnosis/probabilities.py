@@ -10,8 +10,6 @@ import numpy as np
 from ambid.diagnosis.evidence import INEXACT
 from ambid.diagnosis.hypotheses import Field
 
-__all__ = ["Probabilities", "SetProbability", "probabilities"]
-
 NEGLIGIBLE = 1e-4
 """Probability below which a set is not listed."""
 PRINTED = 0.01

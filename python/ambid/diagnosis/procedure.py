@@ -44,8 +44,6 @@ from ambid.record import Measurement, Source, measured
 from ambid.record.measurement import findings_of_repeats, findings_of_validation
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["diagnose"]
-
 UNDRIVEN = Kind(
     "records_not_driven",
     "warning",

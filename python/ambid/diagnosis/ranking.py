@@ -37,8 +37,6 @@ from ambid.noise.known import known_residual, known_slopes
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Point", "rank", "see"]
-
 Progress = Callable[[str, int, int], None]
 """Called with what is being done, how much of it is done, and how much there is, 0 where nobody knows."""
 VISIBLE = 1e-4

@@ -16,12 +16,11 @@ from ambid.diagnosis.settled import settled
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import ROUGHLY, refit
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.rig import Rig
-
-__all__ = ["Start", "added", "ended", "home", "nominal_beside", "ranked", "refined", "without"]
 
 LOST = 2.0
 """Misfit J/dof above which parameters that have left their start say little."""

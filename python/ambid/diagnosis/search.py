@@ -24,8 +24,6 @@ from ambid.effects import Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.model import Model
 
-__all__ = ["Ask", "asked", "explored", "traits_of"]
-
 WIDTHS = (8, 4, 3, 2)
 """Candidates that are refitted beside the base model, beside a set of one, of two, and of more."""
 CARRIED = 3

@@ -17,11 +17,10 @@ from ambid.diagnosis.candidates import ALPHA
 from ambid.diagnosis.ranking import Point
 from ambid.effects import Effect
 from ambid.errors import ModelError, UnstableLoopError
-from ambid.identification.minimum import ROUGHLY, refit
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.noise import Comparison
-
-__all__ = ["settled"]
 
 OF_THE_SPAN = 0.3
 """So far may a place go at a time, as a part of the distance of the outermost bearings."""

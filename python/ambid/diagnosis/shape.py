@@ -7,11 +7,10 @@ import numpy as np
 from ambid.diagnosis.ports import needed_at_ports
 from ambid.effects import MeasuredShape
 from ambid.errors import ModelError
-from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison
 from ambid.threads import with_one_blas_thread
-
-__all__ = ["measured_shape"]
 
 ROUNDS = 3
 """Each takes out of the shape what the parameters of the model had taken up of it."""

@@ -16,14 +16,13 @@ from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import AmbidError, ModelError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification import identify
-from ambid.identification.minimum import ROUGHLY, refit
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.record import Measurement
 from ambid.rig import Rig
-
-__all__ = ["BASE_UNSTABLE", "base_unstable", "choice_unstable", "holders", "nothing_holds", "standing"]
 
 BASE_UNSTABLE = Kind(
     "base_unstable",

@@ -13,8 +13,6 @@ from ambid.effects import Effect
 from ambid.model import Model
 from ambid.record import Measurement
 
-__all__ = ["Task"]
-
 
 @dataclass(frozen=True)
 class Task:

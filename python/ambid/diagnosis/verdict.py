@@ -22,11 +22,10 @@ from ambid.identification.covariance import covariance
 from ambid.noise import Adequacy, Comparison, Criterion
 from ambid.noise.adequacy import misfit_criterion
 from ambid.noise.chance import RARE
-from ambid.noise.tones import BESIDE, OUTSTANDING
+from ambid.noise.tones import BESIDE
 from ambid.noise.unseen import shape_left
+from ambid.noise.wave import OUTSTANDING
 from ambid.record import Measurement
-
-__all__ = ["Verdict", "judged", "share_explained"]
 
 CREDIBLE = 0.95
 """Probability of the sets, together, that are reported where no set is sure."""

@@ -24,8 +24,6 @@ from ambid.record import Record
 from ambid.record.shifting import shifted
 from ambid.rig import Rig
 
-__all__ = ["EFFECTS", "ChannelDelay", "ChannelGain", "ChannelSign", "ChannelsExchanged", "ExcitationGainError"]
-
 SIGNALS = ("y", "i_c", "i_e")
 UNITS = 1e7
 """Factor by which a scale may be wrong, such as micrometres that are taken for metres."""

@@ -11,8 +11,6 @@ from ambid.loop.effect import Effect
 from ambid.loop.plant import READ, SENSED, Plant
 from ambid.rig import Rig
 
-__all__ = ["KnownCoil", "KnownGain", "KnownInstants", "instruments_among", "with_instruments"]
-
 
 @dataclass(frozen=True)
 class KnownGain(Known):

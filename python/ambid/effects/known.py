@@ -32,8 +32,6 @@ from ambid.loop.geometry import rotor_of
 from ambid.loop.plant import Plant
 from ambid.rig import MatrixRotor, PointMassRotor, Rig
 
-__all__ = ["KNOWN", "Known", "KnownInstant"]
-
 FARTHEST = 5.0
 """Standard deviations beyond which a value is not known to its tolerance: one in 1.7 million is off by more, and what a
 record calls for there is an effect."""

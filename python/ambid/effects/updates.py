@@ -13,8 +13,6 @@ from ambid.rig import MatrixRotor, ModalRotor, PidController, PointMassRotor, Ri
 from ambid.rig.fields import Spec
 from ambid.rig.rotor import SAME_PLACE
 
-__all__ = ["with_bearing", "with_controller_gain", "with_damping", "with_frequency", "with_inertia", "with_slower"]
-
 Table = TypeVar("Table", bound=Spec)
 
 

@@ -14,8 +14,6 @@ from ambid.channels import Channel
 from ambid.errors import printable
 from ambid.model import Model
 
-__all__ = ["description", "identifier"]
-
 BASE_UNITS: dict[str, dict[str, int]] = {
     **{base: {base: 1} for base in ("A", "m", "s", "kg", "rad")},
     "N": {"kg": 1, "m": 1, "s": -2},

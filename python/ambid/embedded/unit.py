@@ -15,8 +15,6 @@ from ambid.errors import InputError, ModelError
 from ambid.model import Model
 from ambid.writing import whole_file
 
-__all__ = ["to_fmu", "to_stepper"]
-
 NATIVE = Path(__file__).with_name("native")
 """Where the installation keeps the library of the stepper."""
 LIBRARIES = {"linux": "libambid.so", "darwin": "libambid.dylib", "win32": "ambid.dll"}

@@ -17,9 +17,9 @@ from ambid.identification.curvature import Curvature, curvature, with_curvature
 from ambid.identification.edge import findings_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
-from ambid.identification.minimum import ROUGHLY, WhitenedProblem
+from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.preparation import beside_known, prepare
-from ambid.identification.problem import Descent, End, LeastSquares, Limits, Problem, noise_levels
+from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.renewal import improbability, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
@@ -28,8 +28,6 @@ from ambid.noise import Adequacy, Comparison, Noise, compare
 from ambid.record import Measurement, Record, Source
 from ambid.rig.notes import notes_of
 from ambid.threads import with_one_blas_thread
-
-__all__ = ["LIKELIHOOD", "Found", "Steps", "identify", "steps"]
 
 LIKELIHOOD, EQ_9 = "likelihood", "eq9"
 INCONSISTENT = Kind(

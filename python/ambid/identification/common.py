@@ -25,8 +25,6 @@ from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.tolerances import NOISE, TYPICAL, VALUE_MOVED, findings_of, known_values
 from ambid.model.operating_point import require_same_machine
 
-__all__ = ["common_tolerances", "with_common_tolerances"]
-
 
 class _Common(NamedTuple):
     """Errors of the rig file by all fits, in units of their tolerances."""

@@ -36,18 +36,6 @@ from ambid.noise import Comparison
 from ambid.noise.colour import loop_noise
 from ambid.noise.known import BANDS, known_weights
 
-__all__ = [
-    "UNSEEN_VARIANCE",
-    "budget",
-    "covariance",
-    "inverted",
-    "of_hessian",
-    "propagated",
-    "sandwich",
-    "score_covariance",
-    "sizes",
-]
-
 UNSEEN_VARIANCE = 1e6
 """Relative variance that stands for infinity, for a combination that moves no output."""
 

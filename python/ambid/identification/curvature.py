@@ -17,11 +17,9 @@ from ambid.effects import Seen
 from ambid.effects.magnet import ForceNonlinearity
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
-from ambid.identification.minimum import ROUGHLY, SUBSTEPS, WhitenedProblem
-from ambid.identification.problem import Limits
+from ambid.identification.minimum import SUBSTEPS, WhitenedProblem
+from ambid.identification.problem import ROUGHLY, Limits
 from ambid.noise import Adequacy, Comparison, Criterion
-
-__all__ = ["Curvature", "curvature", "with_curvature"]
 
 SEEN = 12.0
 """Fall of J by which records distinguish the law from its slopes, with no parameter more. Of two models that differ by

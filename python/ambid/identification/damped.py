@@ -7,15 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.identification.minimum import ROUGHLY, WhitenedProblem
-from ambid.identification.problem import Limits
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import ROUGHLY, Limits
 from ambid.loop.loop import open_plant
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.noise import Noise
 from ambid.record import Record
-
-__all__ = ["UNFELT", "NearStart", "damped_start"]
 
 FIRST = 0.1
 """Of the rate at which the rotor falls with the controller off: by about as much are the modes on the magnets moved

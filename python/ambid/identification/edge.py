@@ -12,8 +12,6 @@ from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.problem import End, is_barred
 from ambid.noise import Comparison
 
-__all__ = ["findings_at_edge", "is_at_edge"]
-
 AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 BARRED = Kind(

@@ -24,8 +24,6 @@ from ambid.model.operating_point import suffix
 from ambid.results import Tabular
 from ambid.rig import Rig
 
-__all__ = ["DIPOLES", "SQUARE", "ForceLaw", "LawFit", "StaticForce", "fit_force_law"]
-
 STEP = 1e-30
 """Of the complex derivative, which has no rounding."""
 

@@ -19,8 +19,6 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.transients import freed, orthonormal
 
-__all__ = ["Identifiability", "identifiability", "judged", "lost", "only_frequency", "undetermined", "weakest"]
-
 NEAR_LIMIT = Kind(
     "near_limit_of_identifiability",
     "warning",

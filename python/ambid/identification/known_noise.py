@@ -23,8 +23,6 @@ from ambid.model import Given
 from ambid.noise.adequacy import Adequacy, misfit_criterion
 from ambid.record import Source
 
-__all__ = ["FoundInKnownNoise", "StepsInKnownNoise", "noise_of_channels", "steps_in_known_noise"]
-
 
 class FoundInKnownNoise(NamedTuple):
     """What it ends with; its members are those of `Found`."""

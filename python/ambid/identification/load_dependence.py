@@ -11,8 +11,6 @@ from scipy.special import fdtrc
 from ambid.arrays import FloatArray
 from ambid.findings import Finding, Kind, Where
 
-__all__ = ["IntArray", "centred", "dependence_on_load"]
-
 IntArray = NDArray[np.int_]
 
 FEW_LOADS = Kind(

@@ -26,8 +26,6 @@ from ambid.record import Source
 from ambid.results import Tabular
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["FAILED", "Estimates", "fit_for_core", "identify_many"]
-
 FAILED = "failed"
 """Status of a run that ended with an error, beside those of `estimate.STATUS`."""
 TOGETHER = 32

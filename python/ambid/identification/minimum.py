@@ -15,8 +15,6 @@ from ambid.model import Model
 from ambid.noise import Comparison, Noise, Quadratic
 from ambid.noise.known import Size, known_residual, known_weights
 
-__all__ = ["ROUGHLY", "SUBSTEPS", "WhitenedProblem", "criterion", "other_side", "refit"]
-
 HIDDEN = 0.5
 """Whitened difference of two responses that moves no parameter by more than so many standard errors."""
 SETTLED = 0.01

@@ -14,8 +14,6 @@ from ambid.identification.starts import spread_starts
 from ambid.model import Given, Model, as_model
 from ambid.record import Measurement, Record, Source, measured
 
-__all__ = ["Prepared", "beside_known", "prepare", "several"]
-
 
 class Prepared(NamedTuple):
     """An identification before its first descent.

@@ -9,14 +9,12 @@ import numpy as np
 from ambid.errors import UnstableLoopError
 from ambid.identification.damped import NearStart, damped_start
 from ambid.identification.edge import is_at_edge
-from ambid.identification.minimum import ROUGHLY, WhitenedProblem, other_side
-from ambid.identification.problem import Descent, End, Limits
+from ambid.identification.minimum import WhitenedProblem, other_side
+from ambid.identification.problem import ROUGHLY, Descent, End, Limits
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual
 from ambid.record import Record
-
-__all__ = ["improbability", "renewed", "way_around"]
 
 MOST_RENEWALS = 3
 """So often is the noise taken from the residual again, at the most."""

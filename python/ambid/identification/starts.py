@@ -14,8 +14,6 @@ from ambid.identification.problem import EXACTLY, Descent, End, LeastSquares, Li
 from ambid.model import Model
 from ambid.model.parameter import UNITS
 
-__all__ = ["best_of", "spread_starts", "stable_model"]
-
 STABLE_FACTORS = (0.3, 0.45, 0.65, 0.8, 1.0, 1.25, 1.5)
 """Where the start is unstable, these multiples of the start values are tried."""
 STOPPED_AT = Kind("stopped_at_start", "note", "stopped at start {start} of {starts}")

@@ -13,8 +13,6 @@ from ambid.errors import IdentificationError
 from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.rig import Rig
 
-__all__ = ["exchanged_bearings", "far_from_nominal", "of_deflection", "require_units"]
-
 UNITS = {1e-3: "F in kN, or i_c in mA", 1e3: "F in mN, or i_c in kA", 1e-6: "F in MN, or i_c in uA"}
 """What makes K_i so many times its nominal value."""
 LIKE_A_UNIT = 2.5

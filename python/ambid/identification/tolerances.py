@@ -14,19 +14,6 @@ from ambid.model import Model
 from ambid.results import readable
 from ambid.rig import Rig
 
-__all__ = [
-    "NOISE",
-    "Budget",
-    "KnownValue",
-    "budget_by_name",
-    "findings_of",
-    "known_values",
-    "lines",
-    "percent",
-    "share_text",
-    "shares",
-]
-
 Budget = Mapping[str, Mapping[str, float]]
 """Variance of every parameter by what it comes from, in its unit squared."""
 NOISE = "noise"

@@ -11,8 +11,6 @@ from scipy.linalg import eig, matrix_balance
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.rotor import ReducedRotor
 
-__all__ = ["Modes", "eigenmodes", "moved_by_worst", "worst_mode"]
-
 TWINS = 1e-6
 """Relative distance of two poles below which each by itself has no derivative."""
 

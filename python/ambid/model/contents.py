@@ -20,8 +20,6 @@ from ambid.model.structure import Structure, require_allowed
 from ambid.model.update import RigUpdate, update_of
 from ambid.rig import Rig
 
-__all__ = ["Contents"]
-
 
 class Contents:
     """A rig, effects and parameters, with the loops that were compiled of them; immutable.

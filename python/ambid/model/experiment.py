@@ -15,8 +15,6 @@ from ambid.model.structure import Structure
 from ambid.record import Record
 from ambid.record.checks import LARGEST_VALUE
 
-__all__ = ["inputs", "inputs_of", "simulated", "virtual_experiment"]
-
 
 def inputs(
     structure: Structure, i_e: FloatArray, r: FloatArray | None = None, record: Record | None = None

@@ -24,8 +24,6 @@ from ambid.reading import reading
 from ambid.rig import Rig
 from ambid.writing import whole_file
 
-__all__ = ["errors_of_model", "read_model", "rigs_of_model", "write_model"]
-
 FORMAT = "ambid model 1"
 LONGEST_FILE = 1 << 25
 """Characters of a model file: those of its rigs, and the covariance of a thousand parameters."""

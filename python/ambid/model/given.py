@@ -8,8 +8,6 @@ from ambid.errors import ModelError
 from ambid.model.model import Model
 from ambid.rig import Rig, as_rig
 
-__all__ = ["Given", "as_model"]
-
 Given = Model | Rig | str | Path
 """A model or a rig, or the path of a rig file or of a saved model."""
 

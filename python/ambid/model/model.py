@@ -24,8 +24,6 @@ from ambid.record import Measurement, Record
 from ambid.results import html_table, of_unit
 from ambid.rig import Rig
 
-__all__ = ["Model"]
-
 
 class Model(Contents):
     """A closed-loop model: rig, effects and parameters. Immutable; every change returns a new model.

@@ -16,16 +16,6 @@ from ambid.model.parameter import Parameter, nominal
 from ambid.record import Measurement
 from ambid.rig import Rig
 
-__all__ = [
-    "further_points",
-    "nominal_of_points",
-    "outputs_of",
-    "parameters_at",
-    "require_same_machine",
-    "selected_outputs",
-    "suffix",
-]
-
 OF_POINT = ("K_i", "K_s")
 """Parameters that every bias current and gap has of its own."""
 OPERATING = ("bias_current", "air_gap")

@@ -13,8 +13,6 @@ from ambid.errors import ModelError, UnknownParameterError, did_you_mean
 from ambid.loop.effect import Effect
 from ambid.rig import Rig
 
-__all__ = ["UNITS", "Parameter", "Parameters", "nominal", "of_effect", "selected", "shared", "split", "to_rig"]
-
 SHORTEST_LAG = 5e-5
 """Samples that tau_e lasts at least: less is no lag in any record, and overflows."""
 NEARLY = 0.999

@@ -16,8 +16,6 @@ from ambid.model.parameter import Parameter, nominal, of_effect
 from ambid.results import of_unit
 from ambid.rig import Rig
 
-__all__ = ["Structure", "is_nonlinear"]
-
 
 @dataclass(frozen=True)
 class Structure:

@@ -20,8 +20,6 @@ from ambid.rig import Rig
 from ambid.rig.tolerance import TYPICAL
 from ambid.writing import whole_file
 
-__all__ = ["RigUpdate", "UpdatedValue", "update_of"]
-
 NO_KEY = Kind("rig_key_missing", "note", "no key of the rig file holds the error of {name}: {errors}; {why}")
 ROUNDING = 1e-12
 """An error that is no more is none."""

@@ -13,8 +13,6 @@ from ambid.monte_carlo.plan import Plan
 from ambid.monte_carlo.runs import Row, columns
 from ambid.writing import make_folder, whole_file
 
-__all__ = ["Chunks", "require_folder"]
-
 PLAN = "_plan.json"
 """What the rows belong to; readers of Parquet folders pass over names that begin so."""
 PART = "part-{:06d}.parquet"

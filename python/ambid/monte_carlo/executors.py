@@ -15,8 +15,6 @@ from ambid.errors import InputError
 from ambid.monte_carlo.plan import Plan
 from ambid.monte_carlo.runs import Row, failed_row, rows_of
 
-__all__ = ["hold_plan", "made_by"]
-
 HELD: dict[str, Plan] = {}
 """Plans that this process was given before any task, by their key."""
 

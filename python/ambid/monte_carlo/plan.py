@@ -22,8 +22,6 @@ from ambid.record.repeats import find_period
 from ambid.rig import Rig
 from ambid.rig.toml import toml_text
 
-__all__ = ["Plan", "Truth"]
-
 
 @dataclass(frozen=True)
 class Truth:

@@ -16,8 +16,6 @@ from ambid.monte_carlo.plan import Plan
 from ambid.monte_carlo.result import MonteCarlo
 from ambid.monte_carlo.runs import Row, rows_of
 
-__all__ = ["BATCH", "CHUNK", "run_monte_carlo"]
-
 CHUNK = 64
 """Runs of a chunk: what a killed job loses at most, in a file that is not too small."""
 BATCH = 16

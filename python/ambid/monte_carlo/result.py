@@ -17,8 +17,6 @@ from ambid.monte_carlo.plan import Plan
 from ambid.monte_carlo.runs import Row
 from ambid.results import Tabular, plain
 
-__all__ = ["Accuracy", "MonteCarlo"]
-
 RUNS_FAILED = Kind("runs_failed", "warning", "{failed} of {runs} runs failed: {reason}")
 TOO_FEW_RUNS = Kind(
     "too_few_runs", "note", "no bias and no spread: they take two runs that determine a parameter", "make more runs"

@@ -16,8 +16,6 @@ from ambid.monte_carlo.plan import Plan, Truth
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Row", "columns", "failed_row", "rows_of"]
-
 Row = dict[str, Any]
 
 

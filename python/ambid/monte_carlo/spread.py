@@ -10,8 +10,6 @@ import numpy as np
 
 from ambid.errors import InputError
 
-__all__ = ["AMPLITUDE", "Spread", "at_key", "set_key"]
-
 AMPLITUDE = "amplitude"
 """Key of the amplitude of the excitation, whose value is 1: it multiplies what is given."""
 EXPECTED = "KEY=normal:SIZE, KEY=uniform:SIZE or KEY=uniform:LOW:HIGH, a size in SI units or such as 5%"

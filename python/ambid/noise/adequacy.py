@@ -18,8 +18,6 @@ from scipy.special import chdtrc, fdtrc, fdtri
 from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.noise.chance import ADEQUATE, RARE, misfit_bound
 
-__all__ = ["INCONSISTENT", "Adequacy", "Criterion", "misfit_criterion"]
-
 ABOVE_LIMIT = Kind(
     "misfit_above_limit",
     "warning",

@@ -13,8 +13,6 @@ import numpy as np
 
 from ambid.model import Model
 
-__all__ = ["THIRDS", "best_angle", "turned", "undisturbed"]
-
 THIRDS = 2.0 * np.pi / 3.0 * np.arange(3)
 """Angles at which J is asked for."""
 BESIDE = (0.03, 0.003)

@@ -7,8 +7,6 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.record import Record
 
-__all__ = ["noise_ceiling"]
-
 UNSETTLED = 1.1
 """Scatter of a period too many over that of the later ones; it holds a transient then."""
 

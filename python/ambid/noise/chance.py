@@ -5,8 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.special import chdtrc, chdtri, gammaln
 
-__all__ = ["ADEQUATE", "RESPONSE_SPREAD", "SPREAD", "UNUSUAL", "log_chance", "misfit_bound"]
-
 ADEQUATE = 1.10
 """Largest misfit J/dof of a model that is called adequate, if chance does not bring more on a short record."""
 

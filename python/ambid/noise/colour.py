@@ -12,8 +12,6 @@ from ambid.errors import UnstableLoopError
 from ambid.loop.loop import Loop
 from ambid.model import Model
 
-__all__ = ["back_through_loop", "inputs_of_noise", "loop_noise"]
-
 
 def loop_noise(model: Model, points: ComplexArray, channels: int) -> ComplexArray:
     """The way from noise of the instruments to the outputs of a record, shape (points, channels, channels).

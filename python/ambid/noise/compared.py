@@ -18,8 +18,6 @@ from ambid.noise.shape import Split
 from ambid.record import Measurement, Record
 from ambid.results import data_frame
 
-__all__ = ["ChannelComparison", "RecordComparison", "averaged_over", "record_against", "unjudged"]
-
 
 @dataclass(frozen=True)
 class ChannelComparison:

@@ -34,9 +34,6 @@ from ambid.record import Measurement, Source, measured
 from ambid.results import Tabular, picture, plain
 from ambid.threads import with_one_blas_thread
 
-__all__ = ["Comparison", "compare"]
-
-
 LOUDER_THAN_NOISE = {"power": OVER_CEILING, "motion": LOUDER}
 SETTLED = 0.1
 """Fall of J at which they end: that of a right model scatters by more than one."""

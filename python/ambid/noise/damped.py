@@ -16,8 +16,6 @@ from scipy.fft import rfft
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.window import Window
 
-__all__ = ["DampedWindow"]
-
 
 @dataclass(frozen=True)
 class DampedWindow(Window):

@@ -10,8 +10,6 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 
-__all__ = ["Envelope"]
-
 HIGHEST = 24
 """Order of an autoregressive spectrum, at the most."""
 

@@ -20,8 +20,6 @@ from ambid.noise.whitener import Spectrum
 from ambid.record import Record
 from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
 
-__all__ = ["Instruments", "foreseen"]
-
 
 @dataclass(frozen=True, eq=False)
 class Instruments:

@@ -18,8 +18,6 @@ from ambid.noise.local import beside_excitation, driving, regression
 from ambid.noise.window import Window, thinned
 from ambid.record import Record
 
-__all__ = ["UNEVEN", "uneven"]
-
 MATTERS = 1.25
 """Ratio r of both powers below which nothing is said: the variance of J grows by 2 (1 + r²) / (1 + r)², a hundredth."""
 LEAST_SAMPLES = 500

@@ -19,8 +19,6 @@ from ambid.model import Model
 from ambid.noise.window import Window
 from ambid.record import Record
 
-__all__ = ["InTime"]
-
 SETTLED = 1e-3
 """Part of a transient that may be left where a nonlinear model that started from rest counts as settled."""
 NEARLY = 0.1

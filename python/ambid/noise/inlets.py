@@ -20,8 +20,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import Rig
 
-__all__ = ["Left", "Sight", "stacked"]
-
 TAKEN_UP = 1e-6
 """Of a parameter's response, relative: what is left of it beside a port that can do all that it does."""
 STILL = 0.01

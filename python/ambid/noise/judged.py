@@ -17,8 +17,6 @@ from ambid.noise.in_time import NEUTRAL
 from ambid.noise.measured import Measured
 from ambid.noise.wave import NEAR, waves_between
 
-__all__ = ["FEW", "JudgedLines"]
-
 FEW = 400
 """Lines that lead a fit near its optimum."""
 

@@ -21,8 +21,6 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.model import Model
 
-__all__ = ["BANDS", "Size", "known_residual", "known_slopes", "known_weights", "tempered"]
-
 
 def known_residual(model: Model) -> FloatArray:
     """Whitened rig file minus model, a number for each value that is known to a tolerance, shape (k,)."""

@@ -29,8 +29,6 @@ from ambid.noise.spectra import NoisyLines
 from ambid.noise.transients import OWN, freed, lines_beside_poles, orthonormal, some_lines
 from ambid.noise.whitener import whitened
 
-__all__ = ["RecordLines", "White", "as_lines"]
-
 
 class White(NamedTuple):
     """A whitened record against a model, freed from the transient.

@@ -19,8 +19,6 @@ from ambid.errors import RecordError
 from ambid.noise.envelope import Envelope
 from ambid.noise.whitener import SMOOTH
 
-__all__ = ["beside_excitation", "driving", "likelier_beside_excitation", "regression"]
-
 DEGREE = 2
 """Of the polynomials over frequency in the local regression."""
 ENOUGH = 3

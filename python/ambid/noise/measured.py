@@ -16,8 +16,6 @@ from ambid.noise.window import Window
 from ambid.record import Record
 from ambid.record.rounding import step_of
 
-__all__ = ["Measured", "repeated_rounding"]
-
 
 class Measured:
     """A record in the frequency domain, before any model.

@@ -22,9 +22,6 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.tones import confirmed, find_tones, misses_tone
 from ambid.record import Measurement
 
-__all__ = ["Noise", "Quadratic"]
-
-
 Part = RecordLines | ResponseLines
 OnLines = dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]]
 

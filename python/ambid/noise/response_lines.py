@@ -25,8 +25,6 @@ from ambid.noise.lines import White, as_lines
 from ambid.record import FrequencyResponse
 from ambid.record.frequency_gates import known_alike
 
-__all__ = ["ResponseLines", "independent_numbers"]
-
 HIDDEN = 0.5
 """Whitened difference by which nonlinear effects may change the loop at rest and count as absent there: it moves no
 parameter by more than half a standard error."""

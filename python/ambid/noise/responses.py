@@ -17,8 +17,6 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.record import FrequencyResponse, Record
 from ambid.results import plain
 
-__all__ = ["Modelled", "Responses", "frequency_responses"]
-
 
 @dataclass(frozen=True)
 class Modelled:

@@ -11,8 +11,6 @@ from ambid.model import Model
 from ambid.noise.colour import back_through_loop, inputs_of_noise, loop_noise
 from ambid.noise.split import ROUGHLY, SplitNoise
 
-__all__ = ["Loop", "Recorder", "Shape", "Split", "heard"]
-
 
 def heard(base: Model, channels: int) -> int:
     """Channels whose noise a controller hears, the first ones: those that it reads."""

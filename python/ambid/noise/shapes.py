@@ -19,8 +19,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.window import Window
 from ambid.rig import Rig
 
-__all__ = ["TERMS", "NoShapes", "Shapes", "Term"]
-
 UNSEEN = 1e-9
 """Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")

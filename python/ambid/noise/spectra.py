@@ -22,8 +22,6 @@ from ambid.noise.shape import heard
 from ambid.noise.unexcited import Unexcited
 from ambid.noise.whitener import HALF_WIDTH, Spectrum, require_noise, whitened
 
-__all__ = ["NoisyLines"]
-
 
 class NoisyLines(JudgedLines):
     """The judged lines of one record, and the noise on them.

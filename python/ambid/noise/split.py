@@ -32,8 +32,6 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import ModelError
 from ambid.noise.chance import UNUSUAL
 
-__all__ = ["FITTED", "ROUGHLY", "Curves", "SplitNoise"]
-
 FITTED = 1000
 """Lines that curves are fitted to."""
 LOWEST = 12

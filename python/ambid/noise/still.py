@@ -17,8 +17,6 @@ from ambid.noise.adequacy import Criterion
 from ambid.noise.angles import undisturbed
 from ambid.noise.lines import RecordLines
 
-__all__ = ["LOUDER", "motion_left"]
-
 PARTS = 40
 """Stretches of a record that are compared: short beside the time between steps, and enough to show how
 much noise changes from one to the next. Where too few of them stand still, as between many steps, there are twice as

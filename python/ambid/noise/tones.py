@@ -23,8 +23,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.wave import NEAR, OUTSTANDING, refined_places
 from ambid.noise.window import Window
 
-__all__ = ["OUTSTANDING", "SUSPECTED", "Between", "Tone", "confirmed", "find_tones", "misses_tone"]
-
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
 NOISE = 2.0

@@ -16,8 +16,6 @@ from ambid.noise.damped import DampedWindow
 from ambid.noise.wave import NEAR
 from ambid.noise.window import Window
 
-__all__ = ["OWN", "freed", "independent", "lines_beside_poles", "orthonormal", "some_lines"]
-
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""
 

@@ -25,8 +25,6 @@ from ambid.noise.transients import orthonormal
 from ambid.noise.wave import NEAR, OUTSTANDING, waves_between
 from ambid.noise.whitener import HALF_WIDTH, PER_CHANNEL, Around, around, likelier_shape
 
-__all__ = ["Unexcited"]
-
 LEFT = 0.2
 """Part of a line's noise that counts as left beside the transient, at the least."""
 ENOUGH = 2000

@@ -21,8 +21,6 @@ from ambid.noise.lines import RecordLines
 from ambid.noise.measured import Measured
 from ambid.noise.shapes import Shapes
 
-__all__ = ["OVER_CEILING", "power_left", "shape_left"]
-
 LONGEST = 131_072
 """Samples of a record without periods that are searched for a shape, from the first on: as many lines are judged of
 these as of all, and the signals at the ports of four axes would take another third of a gigabyte a million samples."""

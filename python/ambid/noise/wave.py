@@ -12,8 +12,6 @@ from scipy.optimize import minimize_scalar
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.noise.window import Window
 
-__all__ = ["NEAR", "OUTSTANDING", "refined_places", "waves_between"]
-
 OUTSTANDING = 70.0
 """Power of a tone over that around it; noise alone reaches 40 in a few of a hundred records of 60 000 lines."""
 NEAR = 15

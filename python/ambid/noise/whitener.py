@@ -25,17 +25,6 @@ from ambid.errors import ModelError, RecordError
 from ambid.noise.envelope import Envelope
 from ambid.noise.wave import OUTSTANDING
 
-__all__ = [
-    "PER_CHANNEL",
-    "Around",
-    "Spectrum",
-    "around",
-    "between_lines",
-    "likelier_shape",
-    "require_noise",
-    "whitened",
-]
-
 HALF_WIDTH = 15
 """Excited lines to each side whose unexcited neighbours give the noise spectrum, if they are enough."""
 SMOOTH = 1.0 / 3.0

@@ -17,9 +17,6 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Measurement, Record
 
-__all__ = ["Window", "findings_of", "thinned"]
-
-
 MOST_LINES = 16_384
 """Lines that are judged of a record without periods, at the most: a second of work and a fifth of a gigabyte of eight
 channels, whatever its length. Shorter records, of up to 32 768 samples, are judged on every line."""

@@ -15,8 +15,6 @@ from pathlib import Path
 
 from ambid.errors import AmbidError, InputError, RecordError
 
-__all__ = ["MOST_COLUMNS", "Provenance", "most_bytes", "reading", "require_size", "watched"]
-
 SHARE_OF_MEMORY = 0.25
 """That one array of a file may take: a record has some three, and a fit needs as much again."""
 LARGEST = 1 << 29

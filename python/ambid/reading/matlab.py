@@ -17,8 +17,6 @@ import scipy.io
 
 from ambid.reading.guard import most_bytes
 
-__all__ = ["Variable", "load_mat", "variables_of"]
-
 DEEPEST = 50
 """Cells and structures within each other; the parser's stack ends at some thousands, and the process with it."""
 MOST_ARRAYS = 100_000

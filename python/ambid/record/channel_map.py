@@ -18,8 +18,6 @@ from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbe
 from ambid.record.raw import RawRecord, lacks_motion, numbers, require_agreement
 from ambid.record.timing import aligned
 
-__all__ = ["ChannelMap"]
-
 EXAMPLE = "y.A_zeta=ch3:1e-6"
 RESPONSE_COLUMNS = (
     *("frequency_hz", "frequency_rad_s", "frequency_rpm", "output", "input", "re", "im"),

@@ -12,8 +12,6 @@ from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, is_held
 from ambid.record.repeats import find_period
 from ambid.rig import Rig
 
-__all__ = ["CommandDelay", "by_current", "by_law"]
-
 BEFORE_DELAY = Kind(
     "command_before_delay",
     "note",

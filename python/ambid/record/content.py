@@ -17,8 +17,6 @@ from ambid.findings import REMARK, Finding, Kind
 from ambid.reading import MOST_COLUMNS, Provenance
 from ambid.record.timing import Timing
 
-__all__ = ["Content", "NotNumbers", "Stored", "remarks", "require_columns", "require_names", "unused"]
-
 COLUMNS_NOT_USED = Kind("columns_not_used", "note", "columns not used: {names}")
 VARIABLES_NOT_USED = Kind("variables_not_used", "note", "variables not used: {names}")
 CHANNELS_NOT_USED = Kind("channels_not_used", "note", "channels not used: {names}")

@@ -20,8 +20,6 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.content import Content, NotNumbers, require_columns, require_names
 
-__all__ = ["UNITS_NOT_READ", "Cells", "header_of", "read_cells", "read_table"]
-
 DECIMAL_COMMAS = Kind("decimal_commas", "note", "decimal commas were read as decimal points")
 EMPTY_LAST_COLUMN = Kind(
     "empty_last_column", "note", "every row ends with a separator: the empty last column is left out"

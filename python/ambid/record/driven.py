@@ -18,8 +18,6 @@ from ambid.record.rebuild import ExcitationSource, rebuild_excitation, rounding_
 from ambid.record.repeats import find_period, mismatches
 from ambid.rig import Rig
 
-__all__ = ["Driven", "driven"]
-
 APPLIED = Kind(
     "excitation_as_applied",
     "note",

@@ -10,8 +10,6 @@ from numpy.typing import NDArray
 from ambid.arrays import FloatArray
 from ambid.record.repeats import find_period
 
-__all__ = ["HOLDS", "REBUILT_TOLERANCE", "converter_step", "free_modes", "is_held", "without_free_modes"]
-
 REBUILT_TOLERANCE = 0.6
 """A rebuilt i_e carries the noise of its sources: two of its periods agree less well than those of a logged one."""
 HOLDS = 0.5

@@ -19,8 +19,6 @@ from ambid.record.response_table import is_response_table, read_response_table
 from ambid.record.universal import UNIVERSAL, read_universal
 from ambid.rig import Rig
 
-__all__ = ["UNIVERSAL", "RawResponse", "holds_response", "read_response"]
-
 FREQUENCIES = ("frequency_hz", "frequency_rad_s", "frequency_rpm")
 MAGNITUDES, PHASES = ("magnitude", "magnitude_db"), ("phase_deg", "phase_rad")
 

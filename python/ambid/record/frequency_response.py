@@ -33,8 +33,6 @@ from ambid.record.writers import write_response
 from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 
-__all__ = ["FrequencyResponse"]
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class FrequencyResponse(ByValue, WithFindings):

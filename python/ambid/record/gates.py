@@ -14,8 +14,6 @@ from ambid.findings import Finding, Kind
 from ambid.record import checks
 from ambid.rig import Rig
 
-__all__ = ["Passed", "as_array", "columns_of", "gated", "require_driven", "require_further"]
-
 WITHOUT_I_C = Kind(
     "current_not_recorded",
     "note",

@@ -15,8 +15,6 @@ from ambid.findings import Finding, Kind
 from ambid.reading import MOST_COLUMNS, require_size
 from ambid.record.content import Content, Stored
 
-__all__ = ["read_hdf5"]
-
 EXTERNAL_LINK = Kind("external_link", "warning", "{name}: leads to another file, and is not followed")
 
 DEEPEST = 32

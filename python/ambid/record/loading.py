@@ -18,8 +18,6 @@ from ambid.record.raw import RawRecord, raw_record
 from ambid.record.readers import opened
 from ambid.rig import Rig
 
-__all__ = ["arguments_from"]
-
 AXES_OF_RIG = Kind("axes_of_rig", "note", "the file names no axes: its columns are taken as {axes}, the rig's order")
 
 

@@ -17,8 +17,6 @@ from numpy.typing import NDArray
 
 from ambid.arrays import ComplexArray, FloatArray
 
-__all__ = ["DEGREE", "FREE", "NODES", "Bands", "fitted_bands", "lowest_band", "lowest_nodes", "nodes"]
-
 
 class Form(NamedTuple):
     """What is fitted to a band.

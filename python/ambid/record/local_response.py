@@ -28,8 +28,6 @@ from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.local_bands import DEGREE, FREE, NODES, Bands, fitted_bands, lowest_band, lowest_nodes, nodes
 from ambid.record.rounding import rounding_power
 
-__all__ = ["LocalResponse", "local_response", "noise_of", "response_of_signals"]
-
 AROUND = 3
 """Bands to each side that the correlation of the channels is taken from."""
 

@@ -22,18 +22,6 @@ from ambid.record.record import Record
 from ambid.record.static_loading import StaticLoading
 from ambid.rig import Rig
 
-__all__ = [
-    "COUNTED_TWICE",
-    "Measurement",
-    "Source",
-    "findings_of_loadings",
-    "findings_of_repeats",
-    "findings_of_validation",
-    "load_measurement",
-    "measured",
-    "with_repeats_found",
-]
-
 Measurement = Record | FrequencyResponse
 Source = Measurement | str | Path
 """A measurement, or the path of its file."""

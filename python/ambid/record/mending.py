@@ -22,8 +22,6 @@ from ambid.record.repeats import MOST_WRONG, OUTLIER, Repeats, repeats
 Signals = dict[str, FloatArray]
 """Arrays (N, axes) by the names that a record gives them; (N, 1) of single channels."""
 
-__all__ = ["mended_excitation", "mended_outputs"]
-
 WRONG_SAMPLE = Kind(
     "wrong_sample",
     "warning",

@@ -14,18 +14,6 @@ from ambid.errors import RecordError
 from ambid.findings import Kind
 from ambid.record.units import Unit, frequency_unit, ratio_of
 
-__all__ = [
-    "OURS",
-    "SIGNALS",
-    "UNITS_ASSUMED",
-    "VALUES",
-    "Quantity",
-    "holds_quantities",
-    "hz_of",
-    "quantity_of",
-    "values_of",
-]
-
 UNITS_ASSUMED = Kind(
     "units_assumed",
     "note",

@@ -16,8 +16,6 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.content import CHANNELS_NOT_USED, unused
 from ambid.record.raw import OF_AXES
 
-__all__ = ["COVARIANCE", "FURTHER", "Places", "RawResponse", "tabled"]
-
 FURTHER = ("std", "coherence", "averages", "spread")
 COVARIANCE = ("cov_re", "cov_im")
 """Of a row's error with that of the pair that the column names beside it, at the same frequency: real and imaginary."""

@@ -38,8 +38,6 @@ COMMAND_FOLLOWS = Kind(
 SAME = 1e-3
 """Part of the recorded command up to which what the law leaves is its rounding, and no excitation."""
 
-__all__ = ["ExcitationSource", "Rebuilt", "commanded", "rebuild_excitation", "rounding_of", "steps_of", "unexplained"]
-
 
 class Rebuilt(NamedTuple):
     """A rebuilt excitation, shape (N, axes) [A], its period in samples, and what it was rebuilt from."""

@@ -30,8 +30,6 @@ from ambid.record.writers import write
 from ambid.results import data_frame, html_table, picture
 from ambid.rig import Rig
 
-__all__ = ["Record"]
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class Record(ByValue, WithFindings):

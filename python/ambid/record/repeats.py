@@ -13,8 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.arrays import FloatArray
 
-__all__ = ["Repeats", "Step", "find_period", "mismatches", "repeats"]
-
 CLEAN_SHARE = 0.3
 """Part of the stretches that must repeat: one loss spoils a period, which is half of what can be compared in three."""
 ALIKE = 0.3

@@ -30,8 +30,6 @@ from ambid.record.quantities import (
 from ambid.record.raw import OF_AXES
 from ambid.record.raw_response import COVARIANCE, FURTHER, RawResponse, tabled
 
-__all__ = ["is_response_table", "read_response_table"]
-
 PAIR_ASSUMED = Kind(
     "pair_assumed",
     "warning",

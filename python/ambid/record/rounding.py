@@ -6,8 +6,6 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 
-__all__ = ["rounding_power", "step_of"]
-
 LOOKED_AT = 4096
 """Samples of a channel that are looked at for the step of its converter."""
 EVEN = 0.02

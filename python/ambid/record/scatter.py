@@ -10,8 +10,6 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 
-__all__ = ["scatter", "std_of"]
-
 WIDTH, DEGREE = 9, 2
 """Neighbouring frequencies, and degree of the polynomial through them, that the scatter of a response is taken from."""
 DIGITS = (4, 6)

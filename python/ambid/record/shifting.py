@@ -12,8 +12,6 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.record.record import Record
 
-__all__ = ["shifted"]
-
 
 def shifted(record: Record, signals: Sequence[str], samples: float) -> Record:
     """The record with some of its signals later by a number of samples; earlier where it is negative.

@@ -17,8 +17,6 @@ from ambid.record.raw import numbers
 from ambid.record.readers import read_csv_columns
 from ambid.rig import Rig
 
-__all__ = ["StaticLoading"]
-
 
 @dataclass(frozen=True, repr=False, eq=False)
 class StaticLoading(ByValue, WithFindings):

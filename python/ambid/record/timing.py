@@ -12,8 +12,6 @@ from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 
-__all__ = ["Aligned", "Timing", "aligned"]
-
 CHANNELS_ALIGNED = Kind(
     "channels_aligned",
     "note",

@@ -8,8 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.constants import foot, g, inch
 
-__all__ = ["Unit", "frequency_unit", "ratio_of", "unit_of"]
-
 _LENGTHS = {
     **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9},
     **{"in": inch, "inch": inch, "ft": foot, **dict.fromkeys(("mil", "mils", "thou"), 1e-3 * inch)},

@@ -19,8 +19,6 @@ from ambid.record.readers import extra
 from ambid.record.units import Unit, frequency_unit, ratio_of, unit_of
 from ambid.rig import Rig
 
-__all__ = ["UNIVERSAL", "read_universal"]
-
 UNIVERSAL = (".uff", ".unv")
 RESPONSE, UNITS = 58, 164
 """Numbers of data sets."""

@@ -17,8 +17,6 @@ from ambid.record.raw_response import COVARIANCE
 from ambid.record.readers import by_suffix, extra
 from ambid.writing import whole_file
 
-__all__ = ["require_format", "require_response_format", "write", "write_response"]
-
 Signals = Mapping[str, FloatArray]
 Writer = Callable[[BinaryIO, float, Sequence[str], Signals], None]
 

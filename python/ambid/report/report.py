@@ -16,8 +16,6 @@ from ambid.symbols import in_page
 from ambid.threads import with_one_blas_thread
 from ambid.writing import require_writable, whole_file
 
-__all__ = ["check_suffix", "write_report"]
-
 HTML, PDF = (".html", ".htm"), ".pdf"
 
 

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 from pydantic_core import InitErrorDetails
 
+from ambid.arrays import StateSpace
 from ambid.errors import RigError
 from ambid.rig.fields import MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
 from ambid.rig.realisation import (
     Matrix,
-    StateSpace,
     added,
     as_state_space,
     companion,

@@ -8,8 +8,6 @@ from ambid.rig.fields import plain, shortened
 from ambid.rig.rig import Rig
 from ambid.rig.rotor import MatrixRotor
 
-__all__ = ["differences", "notes_of"]
-
 MAGNETS_CENTRE = Kind(
     "magnets_centre",
     "note",

@@ -13,8 +13,6 @@ from scipy.sparse import issparse
 from ambid.reading import load_mat
 from ambid.rig.fields import problem, refuse
 
-__all__ = ["MATRIX_KEYS", "MOST_NODES", "matrices_of_file"]
-
 MATRIX_KEYS = ("node_positions", "M", "K", "G", "C")
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""

@@ -13,8 +13,6 @@ from pydantic import Field
 
 from ambid.rig.fields import MICROMETRES, MICROSECONDS, MILLIMETRES, MILLISECONDS, Range, Spec
 
-__all__ = ["SOURCES", "TYPICAL", "UNITS", "Tolerance"]
-
 PART = Range(0.0, 1.0, "", (("percent", 0.01),), "relative, one standard deviation; 0 is exact")
 LENGTH = Range(0.0, 0.1, "m", (MILLIMETRES, MICROMETRES), "one standard deviation; 0 is exact", 1e-9)
 ANGLE = Range(0.0, 45.0, "degrees", (), "one standard deviation; 0 is exact", 1e-6)

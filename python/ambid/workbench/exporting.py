@@ -13,8 +13,6 @@ from ambid.report import write_report
 from ambid.rig import Rig
 from ambid.workbench.session import Bench, Session
 
-__all__ = ["as_model_file", "as_python", "as_report"]
-
 SCRIPT = '''"""What was done on the workbench, step by step, with the same numbers."""
 
 import ambid

@@ -23,8 +23,6 @@ from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import KEPT, Session
 from ambid.workbench.views import LEVELS
 
-__all__ = ["lines", "matrices", "prediction", "responses"]
-
 WORDS = {1: ", real part positive", -1: ", real part negative", 0: ""}
 _one_at_a_time = Lock()
 

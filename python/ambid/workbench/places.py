@@ -13,8 +13,6 @@ from ambid.errors import InputError
 from ambid.noise import Comparison
 from ambid.workbench.session import Session
 
-__all__ = ["chart", "column_of", "input_of", "place_of", "thinned"]
-
 FEWEST_PIXELS, MOST_PIXELS = 50, 4000
 """Widths of a chart that are drawn."""
 

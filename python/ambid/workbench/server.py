@@ -23,8 +23,6 @@ from ambid.workbench.guard import Guard
 from ambid.workbench.session import Session
 from ambid.workbench.windows import Window, Windows
 
-__all__ = ["application"]
-
 PAGE = Path(__file__).parent / "page"
 ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".js", ".css")))
 LARGEST_BODY = 10_000

@@ -11,8 +11,6 @@ from threading import Thread
 from ambid.errors import InputError
 from ambid.workbench.windows import Windows
 
-__all__ = ["require_server", "serve"]
-
 
 def require_server() -> None:
     """Refuse to begin where a package of the extra is missing.

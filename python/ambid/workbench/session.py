@@ -17,8 +17,6 @@ from ambid.model import Model
 from ambid.noise import Comparison, compare
 from ambid.record import Measurement
 
-__all__ = ["Bench", "Session"]
-
 KEPT = 8
 """Maps that are kept, for steps that are shown again; each holds a comparison with its records."""
 AGAIN = "\nkept_back = ambid.compare(comparison.model, validate) if validate else None"

@@ -17,8 +17,6 @@ from ambid.results import plain
 from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import Session
 
-__all__ = ["LEVELS", "candidates", "held", "misfits", "overview", "signals", "where"]
-
 LEVELS = (1.5, 3.0, 10.0, 100.0)
 """Misfits from which on a cell of the map is drawn darker; what is below the first says nothing and is grey."""
 FEWEST_SAMPLES = 4

@@ -14,8 +14,6 @@ from ambid.workbench.exporting import as_report
 from ambid.workbench.session import Session
 from ambid.workbench.views import overview
 
-__all__ = ["Job", "Window", "Windows"]
-
 Result = TypeVar("Result")
 
 
