@@ -5,8 +5,7 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from ambid.diagnosis import Candidate
-from ambid.diagnosis.chance import independent_tests
-from ambid.noise.chance import log_chance
+from ambid.noise.chance import independent_tests, log_chance
 from ambid.noise.window import Window
 from reference.whitening import Whitening
 

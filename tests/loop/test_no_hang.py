@@ -12,7 +12,7 @@ from ambid import Model, Rig
 from ambid.demo import DATA
 from ambid.errors import AmbidError, ModelError, RigError
 from ambid.rig.controller import StateSpaceController, TransferFunctionController
-from ambid.rig.fields import MOST
+from ambid.rig.fields import LARGEST_VALUE
 from ambid.threads import with_one_blas_thread
 
 HANGS = 300.0
@@ -44,7 +44,7 @@ def of_high_order(implementation: str) -> Model:
 
 def of_any_size(implementation: str, seed: int) -> Model:
     random = np.random.default_rng(seed)
-    widest = np.log10(MOST)
+    widest = np.log10(LARGEST_VALUE)
 
     def wild(*shape: int) -> list:
         return (10.0 ** random.uniform(-300, widest, shape) * random.choice([-1.0, 1.0], shape)).tolist()

@@ -6,7 +6,7 @@ import signal
 
 import pytest
 
-from ambid.cli import workers
+from ambid.cli import virtual
 from ambid.errors import IdentificationError
 from ambid.monte_carlo import executors, procedure, run_monte_carlo
 from monte_carlo.planned import CHUNK, RUNS, content, plan
@@ -144,7 +144,7 @@ def test_the_command(cluster, command, rig_file, tmp_path):  # noqa: F811
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:1", "nonsense://host", "127.0.0.1:99999999"])
 def test_no_cluster(command, rig_file, monkeypatch, address, golden):  # noqa: F811
-    monkeypatch.setattr(workers, "PATIENCE", 0.5)
+    monkeypatch.setattr(virtual, "PATIENCE", 0.5)
     done = command("monte-carlo", rig_file, *CALL, "--cluster", address)
     assert done.code == 2
     golden.holds(re.sub(r"\(.*\)", "(...)", error_of(done)))  # within them dask speaks
@@ -157,7 +157,7 @@ def test_a_cluster_and_workers(command, rig_file, golden):  # noqa: F811
 
 
 def test_without_dask(command, rig_file, monkeypatch, golden):  # noqa: F811
-    monkeypatch.setattr(workers, "find_spec", lambda name: None)
+    monkeypatch.setattr(virtual, "find_spec", lambda name: None)
     done = command("monte-carlo", rig_file, "--cluster", "tcp://127.0.0.1:1")
     assert done.code == 2
     golden.holds(error_of(done))

@@ -11,8 +11,7 @@ from ambid.diagnosis import compare
 from ambid.excitation import prbs
 from ambid.identification import identify
 from ambid.model import Model
-from ambid.noise.damped import DampedWindow
-from ambid.noise.window import Window
+from ambid.noise.window import DampedWindow, Window
 from reference.whitening import Whitening
 
 PERIOD = 2 * 1023

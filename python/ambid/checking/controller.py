@@ -27,8 +27,6 @@ MOST_HELD = 8
 """States of a controller up to which what they held is fitted."""
 TURN = 1e-4
 """Part of a unit of time by which derivatives of the paths are differenced."""
-STEPS = 20
-"""Of Newton's method; the last may change a gain by a standard error: at whole samples of delay is a kink."""
 APART = 1e-2
 """Singular value over the largest, of unit columns, below which delay and lag of an amplifier stand for each other and
 stay as they are."""
@@ -302,7 +300,7 @@ class _Equation:
         if 2 * len(self.i_c) <= len(free):
             return x, np.full(len(x), np.inf)
         ideal = replace(self, of_y=self.ideal)
-        for _ in range(STEPS):
+        for _ in range(20):  # Newton's method; the last step may be a standard error: whole samples of delay are kinks
             left, columns, instruments = (own(x) for own in (self._residual, self._jacobian, ideal._jacobian))
             columns, instruments = columns[:, free], instruments[:, free]
             size, own = (np.maximum(np.linalg.norm(table, axis=0), 1e-300) for table in (columns, instruments))

@@ -16,8 +16,7 @@ from ambid.checking.instants import slips_of_instants
 from ambid.checking.lines import Lines, moves
 from ambid.checking.machine import taken_as
 from ambid.checking.nominal import NominalLoop
-from ambid.checking.scales import SLIPS, wrong_unit
-from ambid.checking.signs import UNEXPLAINED, opposite_sign, turned
+from ambid.checking.signs import SLIPS, UNEXPLAINED, opposite_sign, turned, wrong_unit
 from ambid.effects.channels import ExcitationGainError
 from ambid.effects.slips import LEAST, MOST, ControllerGainError
 from ambid.findings import Finding, Kind, Severity, Where
@@ -29,8 +28,6 @@ SURELY = 5.0
 """Standard errors."""
 WITHOUT_EXCITATION = 0.1
 """Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
-MOST_NAMED = 4
-"""Axes that are named with a factor each."""
 LEAST_SHARE = 0.02
 """Part of i_c that an error of a gain has to be to matter; an integral acts below most lines."""
 
@@ -173,7 +170,7 @@ def _factors(
     common = float(np.average(own, weights=spread**-2))
     if np.all(np.abs(own - common) <= DOUBTFUL_GAIN + SURELY * spread):
         return common
-    if np.count_nonzero(significant) > MOST_NAMED:
+    if np.count_nonzero(significant) > 4:
         return {"median": float(np.median(own)), "lowest": float(own.min()), "highest": float(own.max())}
     return {axis: float(scale[j]) for j, axis in enumerate(axes) if significant[j]}
 

@@ -18,8 +18,7 @@ from ambid.checking.equations import (
 from ambid.checking.lines import Lines
 from ambid.checking.machine import taken_as
 from ambid.checking.nominal import NominalLoop
-from ambid.checking.scales import SLIPS, wrong_unit
-from ambid.checking.signs import opposite_sign
+from ambid.checking.signs import SLIPS, opposite_sign, wrong_unit
 from ambid.findings import Finding, Kind, Where
 from ambid.record import Record
 

@@ -31,8 +31,6 @@ SIGNIFICANT = 3.0
 """Standard errors that a gain must exceed to be reported."""
 MOST_LATE = 2
 """Samples by which a command may come after what it answers to, beside those of the rig's delay."""
-SETTLED = 1e-9
-"""Part of what the rig's controller held before the first sample that may be left of it where it is compared."""
 
 
 @dataclass(frozen=True)
@@ -166,7 +164,7 @@ def _settled(rig: Rig, rate: float) -> int:
     """Samples after which a controller's output no longer shows what it held at first, but for its integrators."""
     poles = np.abs(np.linalg.eigvals(rig.controller.state_space(len(rig.axes), rate)[0]))
     slowest = poles[poles < 1.0 - 1e-6].max(initial=1e-3)
-    return int(np.ceil(np.log(SETTLED) / np.log(max(slowest, 1e-3))))
+    return int(np.ceil(np.log(1e-9) / np.log(max(slowest, 1e-3))))
 
 
 def _read(record: Record, rig: Rig, k: int, count: int) -> dict[str, FloatArray]:

@@ -16,8 +16,6 @@ NEARLY = 0.01
 """Part of what the rig's controller leaves that may be left by a factor on all of it, beside what a law leaves."""
 DIFFERS = 0.02
 """Relative difference of a gain from the rig's that is reported, beyond five standard errors."""
-WRONG = 0.10
-"""Relative difference from which on it is an error."""
 KEYS = {
     "e": "proportional",
     "int e": "integral",
@@ -87,7 +85,7 @@ def _slip(record: str, law: Law) -> Finding | None:
         values["missed_by_law"] = law.left
     if off < DIFFERS:
         return None
-    severity: Severity = "error" if off > WRONG else "warning"
+    severity: Severity = "error" if off > 0.1 else "warning"
     return kind(Where(record=record, channel=f"i_ref.{law.axis}"), severity=severity, **values)
 
 

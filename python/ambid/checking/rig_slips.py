@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ambid.checking.figures import LoopFigures
 from ambid.checking.nominal import GAIN_FACTORS, NominalLoop
+from ambid.checking.soundness import LoopFigures
 from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
 from ambid.rig.notes import notes_of

@@ -1,4 +1,4 @@
-"""Signs of y and r that are opposite to what the controller's equation or the machine shows."""
+"""Signals of the opposite sign, or in another unit, than the controller's equation or the machine shows."""
 
 from __future__ import annotations
 
@@ -30,6 +30,16 @@ OPPOSITE_SIGN = Kind(
 )
 POSSIBLY_OPPOSITE_SIGN = Kind("possibly_opposite_sign", "warning", _OPPOSITE, OPPOSITE_SIGN.remedy)
 """Where the nominal loop is unstable, which y is held against."""
+SLIPS = (-1.0, 1e3, 1e-3, 1e6, 1e-6)
+"""Factors by which a sign or a unit goes wrong."""
+UNITS = {("y", 1e3): "mm", ("y", 1e6): "um", ("i_e", 1e3): "mA", ("i_c", 1e3): "mA", ("i_c", 1e6): "uA"}
+
+WRONG_UNIT = Kind(
+    "wrong_unit",
+    "error",
+    "{signal} on {axes} has {factor:g} times the size that follows from the {reference}[: it appears to be in {unit}]",
+    "give SI units, A and m",
+)
 
 
 def opposite_sign(
@@ -66,3 +76,15 @@ def turned(record: Record, loop: NominalLoop, lines: Lines, missed: float) -> li
     if left[signals] > min(0.5 * missed, UNEXPLAINED):
         return []
     return [opposite_sign(record, *signals, missed=missed, missed_turned=left[signals])]
+
+
+def wrong_unit(record: Record, signal: str, axes: Sequence[str], factor: float, reference: str) -> Finding:
+    """A signal that is too large by a positive factor of `SLIPS`, on these axes, by that which it is held against."""
+    return WRONG_UNIT(
+        Where(record=record.name, channel=signal),
+        signal=signal,
+        axes=list(axes),
+        factor=factor,
+        reference=reference,
+        unit=UNITS.get((signal, factor)),
+    )

@@ -12,21 +12,28 @@ from dataclasses import replace
 from pathlib import Path
 
 from ambid.checking.controller_slips import DOUBTFUL_GAIN, GAINS_DIFFER, slips_of_controller
-from ambid.checking.excitation_slips import slips_of_closed_loop
-from ambid.checking.figures import LoopFigures, RecordFigures, ResponseFigures
-from ambid.checking.foreign import slips_of_another_rig
-from ambid.checking.instants import CHANNEL_DELAY, slips_of_clocks
+from ambid.checking.excitation_slips import FOREIGN_EXCITATION, slips_of_closed_loop
+from ambid.checking.instants import CHANNEL_DELAY, CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPEATED, slips_of_clocks
 from ambid.checking.law import Law, find_laws
 from ambid.checking.law_slips import slips_of_laws
 from ambid.checking.lines import FEWEST_LINES, HIGHEST_FREQUENCY, Lines
 from ambid.checking.machine import slips_of_machine
 from ambid.checking.nominal import NominalLoop
 from ambid.checking.path import path
-from ambid.checking.ranges import slips_of_periods, slips_of_ranges
+from ambid.checking.ranges import (
+    AXES_DIFFER,
+    NO_EXCITATION,
+    NOT_LOGGED,
+    ONE_PERIOD,
+    RATE_DIFFERS,
+    TOO_SMALL,
+    slips_of_another_rig,
+    slips_of_periods,
+    slips_of_ranges,
+)
 from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.signs import opposite_sign
-from ambid.checking.soundness import Soundness
-from ambid.checking.stopping import stops_diagnosis
+from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
 from ambid.errors import RecordError
 from ambid.findings import SEVERITIES, Finding, Kind, Where, has
 from ambid.record import Record, Source, load_measurement
@@ -46,6 +53,19 @@ FEW_LINES = Kind(
     "{lines} lines of i_e: the controller is checked against the record from {fewest} on",
     "excite more lines",
 )
+_STOPPING = (
+    AXES_DIFFER,
+    RATE_DIFFERS,
+    NOT_LOGGED,
+    NO_EXCITATION,
+    TOO_SMALL,
+    ONE_PERIOD,
+    CLOCK_DIFFERENCE,
+    SAMPLES_LOST,
+    SAMPLES_REPEATED,
+    FOREIGN_EXCITATION,
+)
+"""What makes records unreadable to a diagnosis; all else it judges itself, as hypotheses."""
 
 
 @with_one_blas_thread
@@ -152,3 +172,8 @@ def _record(record: Record, loop: NominalLoop) -> list[Finding]:
     if any(map(_hides, found)):
         return found
     return found + slips_of_machine(record, loop, lines, is_rig_right=is_held and not has_error)
+
+
+def stops_diagnosis(finding: Finding) -> bool:
+    """Whether a diagnosis waits for it."""
+    return has([finding], *_STOPPING)

@@ -17,10 +17,6 @@ from typing import Any, TypeVar
 from ambid.errors import Stopped
 
 T = TypeVar("T")
-
-AGAIN = 0.02
-"""Seconds after which a KeyboardInterrupt that a callback of a library has swallowed is raised again."""
-
 NOTHING = "before anything was done; nothing was written"
 
 
@@ -144,7 +140,8 @@ def _on_unraisable(raised: Any) -> None:
         sys.__unraisablehook__(raised)
     elif hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _once_more)
-        signal.setitimer(signal.ITIMER_REAL, AGAIN)
+        # a callback of a library may swallow a KeyboardInterrupt, which is raised again
+        signal.setitimer(signal.ITIMER_REAL, 0.02)
 
 
 def _once_more(*_: object) -> None:

@@ -22,9 +22,6 @@ from ambid.results import Tabular, plain
 FEWEST = 4
 """Periods that an experiment has at the least: what differs between them is the noise, and tones and drift need 4."""
 
-UNKNOWN = 100.0
-"""Standard error over a parameter's own size above which it is said to be not determined."""
-
 
 @dataclass(frozen=True, repr=False)
 class Prospect(Tabular):
@@ -94,7 +91,7 @@ class Prospect(Tabular):
         for name, p in self.parameters.items():
             value, error = p.value or 0.0, p.std_error or 0.0
             share = f" ({100.0 * error / abs(value):.2g} %)" if error < abs(value) else ""
-            error_text = f"{error:12.3g} {p.unit}{share}" if error < UNKNOWN * self._scale(name) else "  not determined"
+            error_text = f"{error:12.3g} {p.unit}{share}" if error < 100.0 * self._scale(name) else "  not determined"
             lines.append(f"{name:24s} {value:12.5g} {error_text}")
         return "\n".join(lines)
 

@@ -12,9 +12,10 @@ from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Given, as_model
-from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
+from ambid.record.checks import SMALLEST_CHANGE
 from ambid.results import Tabular, plain
 from ambid.rig import Rig
+from ambid.rig.fields import LARGEST_VALUE
 from ambid.robustness import ZONES
 
 MOST_OF_POWER = 0.9

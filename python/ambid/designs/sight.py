@@ -19,13 +19,13 @@ from scipy.optimize import brentq
 from scipy.special import chndtr
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.chance import independent_tests
 from ambid.diagnosis.evidence import DISTINCT, USUAL, needed
 from ambid.diagnosis.ranking import CONFUSABLE, Point, see
 from ambid.effects import CATALOGUE, Effect, EffectParameter, Seen
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import SUBSTEPS
 from ambid.noise import Comparison
+from ambid.noise.chance import independent_tests
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 

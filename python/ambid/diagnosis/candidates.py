@@ -11,20 +11,18 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.evidence import USUAL, by_score, posterior
 from ambid.diagnosis.nameless import Ways
 from ambid.effects import Effect
 from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
+from ambid.noise.chance import independent_tests, log_chance_bounded
 from ambid.results import Tabular, picture, plain
 
 ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
 SAME = 1e-6
 """Part of what a candidate does that another must leave for both to be distinguished at all."""
-SMALLEST_PRINTED = 1e-300
-"""Smaller p-values are not printed as numbers: they are as good as none, and their order is that of the scores."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +104,7 @@ class Candidate:
     @property
     def p_text(self) -> str:
         """The p-value as it is printed: what is smaller than a number can hold ranks nothing."""
-        return f"{self.p_value:.2g}" if self.p_value > SMALLEST_PRINTED else f"< {SMALLEST_PRINTED:.0e}"
+        return f"{self.p_value:.2g}" if self.p_value > 1e-300 else "< 1e-300"
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""

@@ -16,15 +16,12 @@ from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison
 from ambid.noise.angles import undisturbed
+from ambid.noise.halves import LEAST_SAMPLES
 from ambid.record import Measurement
 
 CHANCE = 0.05
 """Chance of the fall of J that each half must show: what is just sure on a whole record shows half of its score on each
 half, and passes 95 % where that score is 15."""
-LEAST_PERIODS = 2
-"""Periods of a half that is judged."""
-LEAST_SAMPLES = 500
-"""Samples of a half without periods that is judged."""
 BESIDE = 4
 """Neighbouring frequencies of a response that stay together, since they may have an error in common: bands of a local
 estimate."""
@@ -80,7 +77,7 @@ def halves(record: Measurement) -> tuple[Measurement, ...]:
         if middle < LEAST_SAMPLES:
             return ()
     else:
-        if record.periods < 2 * LEAST_PERIODS:
+        if record.periods < 4:
             return ()
         middle = record.periods // 2 * record.period
     return record.rows(0, middle), record.rows(middle, record.samples)

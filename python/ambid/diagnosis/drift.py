@@ -20,11 +20,10 @@ from scipy.special import chdtri
 
 from ambid import _core
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.diagnosis.chance import independent_tests
 from ambid.findings import Where
 from ambid.model import Model
 from ambid.noise import Comparison, Criterion
-from ambid.noise.chance import UNUSUAL
+from ambid.noise.chance import UNUSUAL, independent_tests
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
 from ambid.noise.whitener import Spectrum, between_lines

@@ -24,8 +24,6 @@ from ambid.noise.wave import OUTSTANDING
 from ambid.record import Record
 from ambid.threads import with_one_blas_thread
 
-BANDS = 12
-"""Bands of the map, of equal ratio in frequency."""
 BEYOND_CHANCE = 3.0
 """Standard deviations by which a port must explain more than another to be distinguished from it."""
 SHAPED = 0.3
@@ -280,7 +278,7 @@ def _cells(maps: Sequence[MisfitMap], left: Comparison, change: Change | None, k
     return tuple(sorted(cells, key=lambda cell: -cell.misfit))
 
 
-def misfit_maps(comparison: Comparison, white: FloatArray | None = None, bands: int = BANDS) -> tuple[MisfitMap, ...]:
+def misfit_maps(comparison: Comparison, white: FloatArray | None = None, bands: int = 12) -> tuple[MisfitMap, ...]:
     """The misfit of every record by band and channel: of the last model of a diagnosis, that nothing is left.
 
     Parameters

@@ -12,8 +12,7 @@ from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.noise import Noise
 from ambid.noise.adequacy import WHEN
 from ambid.noise.halves import UNEVEN
-from ambid.noise.still import LOUDER
-from ambid.noise.unseen import OVER_CEILING
+from ambid.noise.unseen import LOUDER, OVER_CEILING
 
 NOT_DETERMINED = Kind(
     "not_determined",

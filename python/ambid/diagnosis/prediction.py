@@ -13,9 +13,6 @@ from ambid.diagnosis.localisation import MisfitMap, misfit_maps
 from ambid.errors import InputError
 from ambid.results import band_text, picture, plain
 
-FINE = 36
-"""Bands of the curves over frequency."""
-
 
 @dataclass(frozen=True)
 class Prediction:
@@ -97,7 +94,7 @@ def predict(ranking: Ranking, effect: str) -> Prediction:
         raise InputError(f"{effect}: no candidate of this ranking; it has {names or 'none'}")
     left = candidate.residual - candidate.size * candidate.direction
     now, then = misfit_maps(comparison), misfit_maps(comparison, left)
-    fine = misfit_maps(comparison, bands=FINE), misfit_maps(comparison, left, FINE)
+    fine = misfit_maps(comparison, bands=36), misfit_maps(comparison, left, 36)
     return Prediction(
         effect=candidate.effect.name,
         misfit_now=ranking.misfit,

@@ -24,7 +24,6 @@ from scipy.special import chdtri
 
 from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.chance import independent_tests, log_chance_bounded
 from ambid.diagnosis.nameless import Ways
 from ambid.effects import CATALOGUE, Effect, Seen
 from ambid.errors import ModelError, UnstableLoopError
@@ -33,6 +32,7 @@ from ambid.identification.minimum import SUBSTEPS
 from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
+from ambid.noise.chance import independent_tests, log_chance_bounded
 from ambid.noise.known import known_residual, known_slopes
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
@@ -67,8 +67,6 @@ SMALL_MOTION = Kind(
 )
 NEAR = 0.5
 """Part of the best score from which on a refit may find another variant of an effect better: scores can err by that."""
-MOST_NEAR = 2
-"""So many variants are refitted beside the best."""
 CONFUSABLE = 0.9
 """Two candidates whose freed responses have a larger cosine are called confusable."""
 
@@ -278,7 +276,7 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
     linear = [c for c in others if c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
     near = [(c.effect, c.predicted, c.fall / best.fall) for c in linear if best.fall > 0.0]
     basis = best.of.turned.T @ best.of.rows
-    return replace(best.candidate(independent), near=tuple(near[:MOST_NEAR])), basis, why
+    return replace(best.candidate(independent), near=tuple(near[:2])), basis, why
 
 
 def _nonzero(size: FloatArray) -> FloatArray:

@@ -34,8 +34,6 @@ MOST_RENEWALS = 3
 """So often is the noise renewed after the best set has changed, at the most."""
 RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
-MOST = 12
-"""Evaluations of a set that is not the last one, at the most."""
 HOPELESS, FAR_BEHIND = 1e3, 30.0
 """Log evidence by which no other noise lets a set catch up, and by which none does that is hardly another."""
 Start = tuple[Model, Effect, Mapping[str, float]]
@@ -142,7 +140,7 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         fit = refit(fit.renewed(), step=ROUGHLY)
         if abs(fit.cost - before) <= RENEWED * before:
             break
-    fit = refit(fit, MOST)
+    fit = refit(fit, 12)
     base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:

@@ -12,17 +12,10 @@ from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison
 from ambid.threads import with_one_blas_thread
 
-ROUNDS = 3
-"""Each takes out of the shape what the parameters of the model had taken up of it."""
-PERIODS = 2
-"""Of a record that a shape is fitted to: it is a mean over all samples, and more of them say little more of it."""
-EVALUATIONS = 8
-"""Of a fit beside a shape: it need not end, as the shape is taken anew."""
-
 
 @with_one_blas_thread
 def measured_shape(
-    comparison: Comparison, port: str = "force", over: str | None = None, rounds: int = ROUNDS
+    comparison: Comparison, port: str = "force", over: str | None = None, rounds: int = 3
 ) -> MeasuredShape:
     """The shape of the signal that a port needs, so that the model meets the first record; its factor is 1.
 
@@ -47,8 +40,8 @@ def measured_shape(
         If there is no such port, or it needs nothing.
     """
     record = comparison.noise.records[0]
-    if record.period is not None and record.periods > PERIODS:
-        record = record.rows(0, PERIODS * record.period)
+    if record.period is not None and record.periods > 2:
+        record = record.rows(0, 2 * record.period)
     base = fit = Comparison(comparison.model, [record])
     shape: MeasuredShape | None = None
     for k in range(rounds):
@@ -71,7 +64,7 @@ def _fitted(base: Comparison, shape: MeasuredShape) -> Comparison:
     problem = WhitenedProblem(model, base.noise, model.free, roughly=model.without_nonlinear().is_stable)
     own = [model.parameters[i] for i in problem.free]
     lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in own]).T / problem.scale
-    end = problem.descend(at, (lower, upper), EVALUATIONS, ROUGHLY)
+    end = problem.descend(at, (lower, upper), 8, ROUGHLY)  # it need not end, as the shape is taken anew
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return base.of(model.with_theta(end.theta))

@@ -16,8 +16,6 @@ CURRENT_DRIVEN = (
     "(amplifier.resistance, with the time constant L/R, makes it a coil whose voltage is commanded)"
 )
 WITHOUT_INDUCTANCE = "the coil has no inductance in the rig file (amplifier.time_constant = L/R = 0)"
-LARGEST_ERROR = 1e3
-"""Relative, of an inductance: a coil that a rig file calls nearly ideal."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +78,7 @@ class InductanceError(Effect):
             return []
         of_gap = "part g of the reluctance that lies in the gap: the rest, such as iron, does not change with it"
         return [
-            EffectParameter("error", "1", 0.05, -0.9, LARGEST_ERROR, "relative error d of the inductance at rest"),
+            EffectParameter("error", "1", 0.05, -0.9, 1e3, "relative error d of the inductance at rest"),
             EffectParameter("gap_part", "1", 0.1, upper=1.0, meaning=of_gap),
         ]
 

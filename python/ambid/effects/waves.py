@@ -14,8 +14,8 @@ from ambid.loop.effect import Effect, Seen, Tone
 from ambid.record import Record
 from ambid.rig import Rig
 
-APART = 0.05
-"""Lines from an excited one within which a wave leaves next to nothing beside that one."""
+BARELY = 0.05
+"""Part of a line from an excited one within which a wave leaves next to nothing between them, as a transient does."""
 OFF_SPEED = 0.02
 """Part by which a tone may lie off a multiple of the speed of the rig file and still be called synchronous."""
 MOST_HARMONICS = 10
@@ -80,7 +80,7 @@ def _is_apart(frequency: float, record: Record) -> bool:
     if record.period is None or record.periods < 2:
         return False
     place = frequency / record.sample_rate * record.period
-    return abs(place - round(place)) * record.periods > APART
+    return abs(place - round(place)) * record.periods > BARELY
 
 
 def _between_excited(columns: FloatArray, record: Record) -> FloatArray:

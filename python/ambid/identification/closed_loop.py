@@ -14,13 +14,12 @@ from ambid.errors import ModelError, RecordError, Stopped
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.covariance import budget, covariance, propagated, sandwich
 from ambid.identification.curvature import Curvature, curvature, with_curvature
-from ambid.identification.edge import findings_at_edge
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import WhitenedProblem
 from ambid.identification.preparation import beside_known, prepare
 from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
-from ambid.identification.renewal import improbability, renewed, way_around
+from ambid.identification.renewal import findings_at_edge, improbability, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model

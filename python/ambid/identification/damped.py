@@ -20,16 +20,12 @@ FIRST = 0.1
 where K_i and K_s are some 10 % off, as nominal ones are."""
 UNFELT = 0.01
 """Part by which a record decays in the end: so little distinguishes a loop that decays slowly from one that grows."""
-MOST = 40
-"""Evaluations of each of them."""
 CORRECTIONS, BEYOND = 8, 0.1
 """Steps to a loop that decays fast enough, and the part of each by which it goes too far: the rate is not linear."""
 LIKELY = 0.5
 """Of K_i, K_s and time constants: standard deviation of what their start values are likely to be off by."""
 STEP = 1e-6
 """Of a parameter, from which the slope of the rate of decay is taken."""
-TINY = 1e-9
-"""Least value of x: bounds of zero are open."""
 
 
 class NearStart(WhitenedProblem):
@@ -87,7 +83,7 @@ def damped_start(
     dampings = _dampings(linear, records)
     for damping, then in zip(dampings, (*dampings[1:], 0.0), strict=True):
         problem = kind(linear, Noise.rough(linear, records, damping), own)
-        end = problem.descend(theta[own] / problem.scale, bounds, MOST, ROUGHLY)
+        end = problem.descend(theta[own] / problem.scale, bounds, 40, ROUGHLY)
         if end.status == "stopped":
             raise KeyboardInterrupt from None
         evaluations += problem.evaluations
@@ -127,7 +123,7 @@ def _back(problem: WhitenedProblem, begin: FloatArray, theta: FloatArray, least:
         slope = _slope(model.with_theta(nearest), own, scale)
         way = np.linalg.lstsq(hessian, slope)[0]
         x = nearest[own] / scale + (1.0 + BEYOND) * (least - decays) / (slope @ way) * way
-        nearest[own] = scale * np.clip(x, np.maximum(bounds[0], TINY), bounds[1])
+        nearest[own] = scale * np.clip(x, np.maximum(bounds[0], 1e-9), bounds[1])  # bounds of zero are open
     low, high = 0.0, 1.0
     for _ in range(12):  # of the way back to a stable loop, where steps do not lead there
         middle = 0.5 * (low + high)

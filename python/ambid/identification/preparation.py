@@ -83,7 +83,7 @@ def prepare(
         raise ModelError("no parameter is free; leave some out of `fixed`, or name some in `free`")
     indices = sorted(chosen)
     limits = _limits(model, indices, bounds)
-    origins = spread_starts(model.theta, indices, limits, starts, seed)
+    origins = spread_starts(model.theta, indices, starts, seed)
     known = [i for i, p in enumerate(model.parameters) if p.prior is not None and i not in held]
     return Prepared(model, records, in_time, indices, limits, origins, known)
 

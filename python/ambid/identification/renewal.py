@@ -1,16 +1,16 @@
-"""Fits in the noise of their own residual: ways around obstacles, renewal of the noise, which end is likelier."""
+"""Fits in the noise of their own residual: ways around obstacles, such as the edge of stability, and likelier ends."""
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 
 import numpy as np
 
 from ambid.errors import UnstableLoopError
-from ambid.identification.damped import NearStart, damped_start
-from ambid.identification.edge import is_at_edge
+from ambid.findings import NOWHERE, Finding, Kind
+from ambid.identification.damped import UNFELT, NearStart, damped_start
 from ambid.identification.minimum import WhitenedProblem, other_side
-from ambid.identification.problem import ROUGHLY, Descent, End, Limits
+from ambid.identification.problem import ROUGHLY, Descent, End, Limits, is_barred
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual
@@ -20,7 +20,23 @@ MOST_RENEWALS = 3
 """So often is the noise taken from the residual again, at the most."""
 RENEWED = 0.01
 """Relative change of J by that which is small enough."""
+AT_EDGE = 1e-3
+"""Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 Renewed = tuple[WhitenedProblem, End, Comparison]
+BARRED = Kind(
+    "stopped_at_edge_of_stability",
+    "warning",
+    "the fit stopped at the edge of stability: the slowest mode of the estimated loop decays at {decay_rate_1_s:.2g} "
+    "1/s, and the model would fit better beyond the edge, so that this may not be the optimum",
+    "use several starts, or record longer",
+)
+NEAR_EDGE = Kind(
+    "near_edge_of_stability",
+    "note",
+    "the slowest mode of the estimated loop decays by {fades:.2g|%} during the longest record, at "
+    "{decay_rate_1_s:.2g} 1/s: these records hardly distinguish it from a mode that grows",
+    "record longer, where the damping matters",
+)
 
 
 def renewed(
@@ -71,7 +87,7 @@ def way_around(
     rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
 ) -> Generator[Descent, End, End]:
     """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
-    at_edge = is_at_edge(rough, best)
+    at_edge = _is_at_edge(rough, best)
     if not at_edge and best.status != "at_bound":
         return best
     try:
@@ -84,3 +100,23 @@ def way_around(
     if near is not rough:
         rough.evaluations += near.evaluations
     return min(best, second, key=lambda end: end.cost)
+
+
+def _is_at_edge(problem: WhitenedProblem, end: End) -> bool:
+    """Whether a fit was driven to the edge of stability, which keeps it from its optimum."""
+    if end.status != "converged":
+        return False
+    return problem.model.with_theta(end.theta).decay_rate < AT_EDGE or problem.is_stuck(end.theta)
+
+
+def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End) -> Iterator[Finding]:
+    """What is to be known of a fit that ended at the edge of stability, or near it."""
+    durations = [part.record.samples / part.record.sample_rate for part in comparison.noise.in_time]
+    if not durations:
+        return
+    decay = comparison.model.decay_rate
+    form, scale = comparison.noise.quadratic(comparison.model, problem.free), problem.scale
+    if end.status == "converged" and is_barred(form.hessian * np.outer(scale, scale), form.gradient * scale, form.cost):
+        yield BARRED(NOWHERE, decay_rate_1_s=decay)
+    elif decay * max(durations) < UNFELT:
+        yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=decay * max(durations))

@@ -23,12 +23,10 @@ MOVED = Kind(
 COMPARED = Kind("starts_compared", "note", "{same} of {starts} starts ended at this optimum, {unstable} were unstable")
 
 
-def spread_starts(
-    theta: FloatArray, free: list[int], limits: Limits, count: int, seed: int, spread: float = 0.3
-) -> list[FloatArray]:
-    """`count` starts, the first at `theta`, the others at random factors of it."""
+def spread_starts(theta: FloatArray, free: list[int], count: int, seed: int) -> list[FloatArray]:
+    """`count` starts, the first at `theta`, the others at random factors of it, spread by about 30 %."""
     random = np.random.default_rng(seed)
-    factors = [np.ones(len(free)), *np.exp(spread * random.standard_normal((count - 1, len(free))))]
+    factors = [np.ones(len(free)), *np.exp(0.3 * random.standard_normal((count - 1, len(free))))]
     return [theta[free] * factor for factor in factors]
 
 

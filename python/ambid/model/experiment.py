@@ -13,7 +13,7 @@ from ambid.errors import ModelError, RecordError
 from ambid.loop.loop import Loop
 from ambid.model.structure import Structure
 from ambid.record import Record
-from ambid.record.checks import LARGEST_VALUE
+from ambid.rig.fields import LARGEST_VALUE
 
 
 def inputs(

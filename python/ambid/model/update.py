@@ -21,8 +21,6 @@ from ambid.rig.tolerance import TYPICAL
 from ambid.writing import whole_file
 
 NO_KEY = Kind("rig_key_missing", "note", "no key of the rig file holds the error of {name}: {errors}; {why}")
-ROUNDING = 1e-12
-"""An error that is no more is none."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +154,7 @@ def update_of(
         new, left = effect.updated(new, errors) if any(errors.values()) else (new, {})
         for name, slot in own.items():
             p, (rest, why) = known[slot], left.get(name, (0.0, ""))
-            prior, is_left = float(p.prior or 0.0), abs(rest) > ROUNDING
+            prior, is_left = float(p.prior or 0.0), abs(rest) > 1e-12  # not rounding
             values.append(UpdatedValue(slot, p.unit, prior, p.value, std_of(slot), rest * is_left, why * is_left))
     return RigUpdate(_as_well_known(new, rig), tuple(values))
 

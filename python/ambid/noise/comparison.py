@@ -27,8 +27,7 @@ from ambid.noise.known import known_weights, tempered
 from ambid.noise.lines import RecordLines
 from ambid.noise.noise import Noise
 from ambid.noise.response_lines import ResponseLines
-from ambid.noise.still import LOUDER, motion_left
-from ambid.noise.unseen import OVER_CEILING, power_left, shape_left
+from ambid.noise.unseen import LOUDER, OVER_CEILING, motion_left, power_left, shape_left
 from ambid.noise.window import findings_of
 from ambid.record import Measurement, Source, measured
 from ambid.results import Tabular, picture, plain

@@ -18,7 +18,8 @@ from ambid.noise.measured import Measured
 from ambid.noise.noise import Noise
 from ambid.noise.whitener import Spectrum
 from ambid.record import Record
-from ambid.record.checks import LARGEST_VALUE, SMALLEST_CHANGE
+from ambid.record.checks import SMALLEST_CHANGE
+from ambid.rig.fields import LARGEST_VALUE
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,8 +20,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.response_lines import ResponseLines
 from ambid.rig import Rig
 
-TAKEN_UP = 1e-6
-"""Of a parameter's response, relative: what is left of it beside a port that can do all that it does."""
 STILL = 0.01
 """Of the degrees of freedom: a refit that takes away less leaves the linearisation as it is."""
 
@@ -158,7 +156,8 @@ class Sight:
         size = np.linalg.norm(self.slopes, axis=(0, 1))
         scale = np.where(size > 0.0, size, 1.0)
         columns = stacked(beyond.reshape(-1, len(scale))) / scale
-        scaled, _, rank, _ = np.linalg.lstsq(columns, stacked(residual.reshape(-1, 1))[:, 0], rcond=TAKEN_UP)
+        # what a port that can do all that a parameter does leaves of its response is rounding
+        scaled, _, rank, _ = np.linalg.lstsq(columns, stacked(residual.reshape(-1, 1))[:, 0], rcond=1e-6)
         step, power = scaled / scale, float(np.sum((columns @ scaled) ** 2))
         needed = (inverse @ (self.residual - self.slopes @ step)[..., None])[..., 0]
         taken = 2 * int(kept.sum()) + int(rank)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from ambid.arrays import ComplexArray, FloatArray
-from ambid.noise.damped import DampedWindow
 from ambid.noise.in_time import Folded
-from ambid.noise.window import Window
+from ambid.noise.window import DampedWindow, Window
 from ambid.record import Record
 from ambid.record.rounding import step_of
 

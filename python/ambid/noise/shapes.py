@@ -19,8 +19,6 @@ from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.window import Window
 from ambid.rig import Rig
 
-UNSEEN = 1e-9
-"""Of the largest singular value: combinations of signals that the records see less of have no weight."""
 WATCHED = ("s", "v", "i_f", "i_ref", "y")
 
 
@@ -174,7 +172,8 @@ class Shapes:
         way = self.sight.way(port)
         columns = self._beside_known((way @ self._spectrum(signals)).reshape(-1, signals.shape[2]))
         both = np.vstack([columns, rows]), np.concatenate([self.residual, wanted])
-        found = np.asarray(np.linalg.lstsq(*both, rcond=UNSEEN)[0], dtype=np.float64)
+        # combinations of signals that the records see less of have no weight
+        found = np.asarray(np.linalg.lstsq(*both, rcond=1e-9)[0], dtype=np.float64)
         left = self.residual - columns @ found
         return found, (self.cost - float(left @ left)) / max(self.cost - self.residual.size, 1.0)
 
@@ -226,7 +225,7 @@ def _other_axis(rig: Rig) -> NDArray[np.intp]:
     return np.array(found)
 
 
-def _seen_share(explained: ComplexArray, degrees: int, neighbours: int = 15) -> FloatArray:
-    """Part of each line's power that is no noise, from its neighbourhood, 0 to 1."""
-    power = uniform_filter1d(np.sum(np.abs(explained) ** 2, axis=1), 2 * neighbours + 1, mode="nearest")
+def _seen_share(explained: ComplexArray, degrees: int) -> FloatArray:
+    """Part of each line's power that is no noise, from 15 neighbours to each side, 0 to 1."""
+    power = uniform_filter1d(np.sum(np.abs(explained) ** 2, axis=1), 31, mode="nearest")
     return np.maximum(0.0, 1.0 - degrees / np.maximum(power, degrees))

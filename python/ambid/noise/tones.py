@@ -16,6 +16,7 @@ from scipy.ndimage import convolve1d, maximum_filter1d, median_filter
 from scipy.special import chdtrc
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.effects.waves import BARELY
 from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import ADEQUATE, misfit_bound
@@ -25,8 +26,6 @@ from ambid.noise.window import Window
 
 ALONE = 200.0
 """Power of a tone on an excited line over that of its neighbours; a pole is wider than one line."""
-NOISE = 2.0
-"""Mean power of whitened noise on a line."""
 SUSPECTED = 1e-3
 """Chance of the power at a frequency that is suspected from the start, such as that of the mains.
 
@@ -42,8 +41,6 @@ NEIGHBOURS = 10
 """Lines to each side for the median."""
 BESIDE = np.array([1.0] * 6 + [0.0] * 5 + [1.0] * 6)
 """Lines to each side for the mean: next to a tone, but within the width of a pole."""
-BARELY = 0.05
-"""Part of a line from an excited one within which a wave leaves next to nothing between them, as a transient does."""
 BLURRED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 CYCLES = 2 * NEAR
@@ -277,7 +274,7 @@ def _alone(here: Model, part: RecordLines, present: Sequence[Tone] = ()) -> Floa
         return np.zeros(power.shape)
     around = median_filter(power, size=(2 * NEIGHBOURS + 1, 1), mode="nearest") / np.log(2.0)
     # lines that the transient has been fitted to hold less than noise
-    return np.asarray(power / np.maximum(np.maximum(around, beside), NOISE))
+    return np.asarray(power / np.maximum(np.maximum(around, beside), 2.0))  # 2 is the mean of noise alone
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from scipy.linalg import eigh
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.loop.effect import Tone
 from ambid.model import Model
-from ambid.noise.damped import DampedWindow
 from ambid.noise.wave import NEAR
-from ambid.noise.window import Window
+from ambid.noise.window import DampedWindow, Window
 
 OWN = 1e-10
 """Part of the largest eigenvalue of the transient's Gram matrix below which a direction of it says nothing."""

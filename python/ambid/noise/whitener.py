@@ -41,8 +41,6 @@ SILENT = (
     "a record holds no noise on some channel, so that there is no misfit in units of it; if it was simulated, add "
     "noise as `virtual_experiment` does"
 )
-ROUNDING = 1e-20
-"""Power of noise over that of the signal below which it is rounding."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +92,8 @@ def require_noise(covariance: ComplexArray, back: ComplexArray, recorded: Comple
         If a channel holds no more.
     """
     signal = np.sum(np.abs(_core.through(back, recorded)) ** 2, axis=0)
-    if (np.einsum("lcc->c", covariance).real < ROUNDING * signal).any():
+    # noise below that is rounding of the signal
+    if (np.einsum("lcc->c", covariance).real < 1e-20 * signal).any():
         raise RecordError(SILENT)
 
 

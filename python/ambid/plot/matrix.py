@@ -17,8 +17,6 @@ from ambid.results import band_text
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-SEEN = 2.0
-"""Power, in times noise, of what follows no excitation, from which on it is written."""
 SIGNS = {1: "+", -1: "−", 0: ""}
 
 
@@ -65,7 +63,7 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
     norm = LogNorm(1.0, max(100.0, largest), clip=True)
     for b, (panel, edges) in enumerate(zip(panels, pairwise(matrix.edges_hz.tolist()), strict=False)):
         rest = matrix.rest[b][:, None]
-        values = np.hstack([np.where(matrix.is_told[b], matrix.power[b], np.nan), np.where(rest > SEEN, rest, np.nan)])
+        values = np.hstack([np.where(matrix.is_told[b], matrix.power[b], np.nan), np.where(rest > 2.0, rest, np.nan)])
         shown = np.ma.masked_invalid(values)
         panel.set_facecolor(NOTHING)
         panel.pcolormesh(

@@ -35,9 +35,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure, SubFigure
     from numpy.typing import NDArray
 
-FEWEST = 100
-"""Samples of a stretch at least."""
-
 
 def plot_comparison(
     comparison: Comparison | tuple[Model, Measurement | Sequence[Measurement]],
@@ -135,14 +132,14 @@ def worst_stretch(
     channel : str, optional
         Default as in `plot_comparison`.
     seconds : float
-        Length of the stretch, but `FEWEST` samples at least.
+        Length of the stretch, but 100 samples at least.
     """
     one = _record(comparison, record)
     if not one.record.is_in_time:
         raise InputError(f"{one.record.name}: a frequency response has no stretch of time; leave the stretch out")
     residual = one.residual[:, _column(one, channel)]
     period, rate, samples = one.record.period, one.record.sample_rate, one.record.samples
-    length = min(max(round(seconds * rate), FEWEST), samples)
+    length = min(max(round(seconds * rate), 100), samples)
     first = min(period or samples // 8, samples - length)
     last = max(first, min(first + (period or samples), samples) - length)
     power = np.concatenate([[0.0], np.cumsum(np.nan_to_num(residual) ** 2)])

@@ -11,6 +11,7 @@ from ambid.channels import SIGNALS
 from ambid.errors import InputError, RecordError, WrongUnit
 from ambid.findings import Finding, Kind, Where
 from ambid.rig import Rig
+from ambid.rig.fields import LARGEST_VALUE
 
 AXES_REORDERED = Kind("axes_reordered", "note", "axes {found} were reordered to the rig's {wanted}")
 LARGE_CURRENT = Kind("large_current", "warning", "rms of {rms_a:.4g} A, above {limit_a:g} A: taken as it is")
@@ -57,8 +58,6 @@ COMMAND_CLIPPED = Kind(
 
 SMALLEST_CHANGE = 1e-20
 """Metres, or ampere, that a channel must change by: no sensor resolves less, and its square loses its digits."""
-LARGEST_VALUE = 1e100
-"""In any unit: the squares of larger ones, summed over a record, come near the end of floating point."""
 MIN_SAMPLES = 3
 """Fewest samples of a record or a period: fewer have no line of their spectrum between 0 and half the sample rate."""
 LARGEST_CURRENT_RMS = 100.0

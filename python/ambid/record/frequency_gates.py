@@ -53,8 +53,6 @@ LARGEST_TRAVEL = 1e3
 """Air gaps that the bias current of a bearing may move y by, by the response; a weakly damped mode moves some ten."""
 FEWEST = 3
 """Frequencies of a response: each is compared with both of its neighbours, which shows how much errors go together."""
-TOGETHER = 1024
-"""Frequencies whose covariances are looked at together: of 32 pairs they are 16 MB."""
 
 
 @dataclass(frozen=True)
@@ -223,10 +221,10 @@ def require_covariance(
 
 
 def known_alike(known: NDArray[np.bool_]) -> Iterator[tuple[NDArray[np.intp], NDArray[np.intp]]]:
-    """Frequencies at which the same pairs were measured, `TOGETHER` at a time, and which pairs these are."""
+    """Frequencies at which the same pairs were measured, 1024 at a time for the memory, and which pairs these are."""
     for kept in known[:1] if (known == known[0]).all() else np.unique(known, axis=0):
         rows = np.flatnonzero((known == kept).all(axis=1))
-        for some in np.array_split(rows, -(-len(rows) // TOGETHER)):
+        for some in np.array_split(rows, -(-len(rows) // 1024)):
             yield some, np.flatnonzero(kept)
 
 

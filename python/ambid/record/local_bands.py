@@ -43,9 +43,6 @@ USUAL = Form(DEGREE, 2)
 LOWEST = Form(2 * DEGREE + 1, 6, 2)
 """The same of the lowest band and its mirror image: as many real numbers as complex ones elsewhere. Three pairs of
 poles: the two rigid modes of a plane, and integrators."""
-STEPS = 3
-"""Steps of Gauss and Newton from there to the least squares, of which the covariance is: beside a mode that is narrower
-than the lines are apart the error had twice its variance without."""
 SHARPER = 50.0
 """Fall of the whitened sum of squares from which on a band takes such a polynomial: where there is nothing but noise
 two poles are free to be anywhere, and bring that much in one of a hundred bands."""
@@ -241,7 +238,7 @@ def _with_poles(
     """Response, spread, shared and what is left of one band, by steps of Gauss and Newton from the poles found."""
     lines, inputs, free = len(z), table.shape[1] // (degree + 1) - 1, len(z) - table.shape[1]
     fit = _by_pseudo_inverse(table / _below(x, poles)[:, None], z)
-    for _ in range(STEPS):
+    for _ in range(3):  # to least squares: without, a mode narrower than the lines lie has twice the variance
         own, _ = _by_poles(table, z, x, poles, fit)
         own = own / np.sqrt(power)
         information = np.einsum("lkc,lmc->km", own.conj(), own)

@@ -15,8 +15,6 @@ WIDTH, DEGREE = 9, 2
 DIGITS = (4, 6)
 """Decimal digits of a coherence that are believed: files hold at least four, and errors of its own are in the sixth."""
 SMOOTH = "from its scatter about a smooth curve over neighbouring frequencies, which is too large at sharp modes"
-ROUNDING = 1e-6
-"""Part by which a coherence may exceed 1: analysers compute in single precision."""
 STD_FROM_COHERENCE = Kind(
     "std_from_coherence", "note", "std of {first}[ and {more} more pairs] from the coherence and {averages:g} averages"
 )
@@ -144,7 +142,8 @@ def _is_whole(where: str, key: str, pair: str, frequency_hz: FloatArray, values:
 
 
 def _require(where: str, key: str, pair: str, frequency_hz: FloatArray, values: FloatArray, most: float) -> None:
-    wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0) & (values <= most * (1.0 + ROUNDING))))
+    # analysers compute in single precision
+    wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0) & (values <= most * (1.0 + 1e-6))))
     if len(wrong):
         upper = "" if most == np.inf else f", up to {most:g}"
         raise RecordError(

@@ -74,10 +74,6 @@ def _bias(rig: Rig) -> str:
     return ", ".join(f"{bearing.name} {bearing.bias_current:g} A" for bearing in rig.bearings)
 
 
-SHORT = 16
-"""Hexadecimal digits of a hash that are shown: two different files share them by chance in one of 2e19 cases."""
-
-
 @dataclass(frozen=True)
 class File:
     """A rig file or a record.
@@ -113,4 +109,4 @@ def _named(diagnosis: Diagnosis) -> Iterator[tuple[str, str, Path | None, Proven
 def _file(name: str, role: str, path: Path | None, read: Provenance | None) -> File:
     if read is None or path is None:
         return File(name if path is None else path.name, role, None, "made in memory, read from no file")
-    return File(path.name, role, read.size, read.sha256[:SHORT])
+    return File(path.name, role, read.size, read.sha256[:16])  # which two files share by chance in one of 2e19 cases

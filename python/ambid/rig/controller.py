@@ -16,7 +16,7 @@ from pydantic_core import InitErrorDetails
 
 from ambid.arrays import StateSpace
 from ambid.errors import RigError
-from ambid.rig.fields import MILLISECONDS, MOST, NOTHING, Range, Spec, per_axis, plain, problem, refuse
+from ambid.rig.fields import LARGEST_VALUE, MILLISECONDS, NOTHING, Range, Spec, per_axis, plain, problem, refuse
 from ambid.rig.realisation import (
     Matrix,
     added,
@@ -360,8 +360,10 @@ class TransferFunctionController(_ReadingController):
                 problems.append(problem(text, tuple(numerator.tolist()), "numerator", k))
             first = abs(denominator[0])
             for key, row in (("numerator", numerator), ("denominator", denominator)):
-                if max(map(abs, row), default=0.0) > MOST * min(first, 1.0):
-                    text = f"expected numbers of at most {plain(MOST)} over {first:g}, the denominator's first."
+                if max(map(abs, row), default=0.0) > LARGEST_VALUE * min(first, 1.0):
+                    text = (
+                        f"expected numbers of at most {plain(LARGEST_VALUE)} over {first:g}, the denominator's first."
+                    )
                     problems.append(problem(text, tuple(row.tolist()), key, k))
         refuse(*problems)
         return self

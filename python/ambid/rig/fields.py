@@ -29,8 +29,8 @@ _KINDS = {
 }
 LEAST = 1e-30
 """Smallest size of a physical quantity that is not 0, in SI units; the inverse of less overflows in a square."""
-MOST = 1e100
-"""Largest size of any number; products of three are finite."""
+LARGEST_VALUE = 1e100
+"""Largest size of any number, in any unit: products of three are finite, and so are squares summed over a record."""
 
 
 def plain(number: float) -> str:
@@ -72,8 +72,8 @@ class Range:
 
     def complaint(self, value: Any) -> str | None:
         """Say what is wrong with `value` and what to do; None if nothing is."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= MOST:
-            return f"expected a finite number of at most {plain(MOST)} in size; allowed: {self.allowed}."
+        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LARGEST_VALUE:
+            return f"expected a finite number of at most {plain(LARGEST_VALUE)} in size; allowed: {self.allowed}."
         if self.unit and 0.0 < abs(value) < self.least:
             return f"expected 0, or at least {plain(self.least)} {self.unit} in size; check the value and its unit."
         if self.low <= value <= self.high:

@@ -19,8 +19,6 @@ DAMPING = Range(0.0, 0.5, "", (("percent", 1e-2),), "a damping ratio")
 
 SAME_PLACE = 1e-6
 """Axial positions closer than this [m] are one place."""
-FAR_OFF = 10.0
-"""Lengths of the shaft beyond which a position looks like millimetres."""
 MOST_SECTIONS = 1000
 """Sections, or disks, of a rotor: its bending modes then take two seconds and half a gigabyte."""
 
@@ -345,7 +343,7 @@ def off_the_shaft(span: tuple[float, float], position: float) -> str | None:
     first, last = span
     if first - SAME_PLACE <= position <= last + SAME_PLACE:
         return None
-    slips = (MILLIMETRES,) if abs(position) > FAR_OFF * (last - first) else ()
+    slips = (MILLIMETRES,) if abs(position) > 10.0 * (last - first) else ()
     return Range(first, last, "m", slips, "the shaft").complaint(position)
 
 

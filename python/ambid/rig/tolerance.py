@@ -18,66 +18,61 @@ LENGTH = Range(0.0, 0.1, "m", (MILLIMETRES, MICROMETRES), "one standard deviatio
 ANGLE = Range(0.0, 45.0, "degrees", (), "one standard deviation; 0 is exact", 1e-6)
 TIME = Range(0.0, 1e-2, "s", (MILLISECONDS, MICROSECONDS), "one standard deviation; 0 is exact", 1e-12)
 
-TYPICAL: Mapping[str, float] = {
-    "mass": 0.005,
-    "inertia": 0.01,
-    "position": 5e-4,
-    "sensor_position": 5e-4,
-    "sensor_angle": 0.5,
-    "sensor_gain": 0.01,
-    "current_gain": 0.005,
-    "excitation_gain": 0.002,
-    "instant": 1e-6,
-    "bending_frequency": 0.01,
-    "modal_damping": 0.5,
-    "amplifier_time_constant": 0.05,
-    "controller_gain": 0.01,
-    "bias_current": 0.01,
-    "air_gap": 0.05,
-    "flux_gain": 0.05,
-    "voltage_gain": 0.01,
-    "coil_resistance": 0.1,
-    "coil_inductance": 0.2,
-    "force_gain": 0.01,
-    "acceleration_gain": 0.05,
+_KNOWN: Mapping[str, tuple[float, str]] = {
+    "mass": (
+        0.005,
+        "finite elements of a turned shaft: density of steel 0.3 %, diameters and lengths 0.1 % each; weighing is "
+        "better. Friswell et al., Dynamics of Rotating Machines, 2010, chapter 5",
+    ),
+    "inertia": (0.01, "as the mass, with the places of disks"),
+    "position": (5e-4, "drawing tolerance and thermal growth of a housing, ISO 2768-m: 0.5 mm from 120 to 400 mm"),
+    "sensor_position": (5e-4, "as the position; the centre of a coil is not that of its case"),
+    "sensor_angle": (0.5, "drilled bracket, ISO 2768-m: 30 minutes of arc"),
+    "sensor_gain": (
+        0.01,
+        "eddy-current sensors calibrated on the shaft's own material: linearity and sensitivity 1 %; uncalibrated 5 "
+        "%, API 670",
+    ),
+    "current_gain": (0.005, "closed-loop Hall transducers and shunts with their amplifiers: 0.5 %"),
+    "excitation_gain": (
+        0.002,
+        "gain error of digital-to-analog converters and summing resistors: 0.2 %; none where a digital controller "
+        "adds the excitation as a number",
+    ),
+    "instant": (1e-6, "skew between simultaneously sampling channels with like filters: 1 us"),
+    "bending_frequency": (
+        0.01,
+        "finite elements with shrink fits: 1 %; 0.2 % where bending_frequencies_hz were measured",
+    ),
+    "modal_damping": (0.5, "of fits and materials, known by its order of magnitude; half of itself"),
+    "amplifier_time_constant": (0.05, "inductance and gain of a current loop: 5 %"),
+    "controller_gain": (0.01, "resistors and capacitors of 1 %; none of a digital controller"),
+    "bias_current": (0.01, "as the current reading, with its drift: 1 %"),
+    "air_gap": (0.05, "stacking of laminations and run-out of the journal: 5 %"),
+    "flux_gain": (
+        0.05,
+        "force by the flux density b: Hall element 2 %, its place under the pole, area and bias flux of that, or "
+        "K_i where one of both is not given: 5 %",
+    ),
+    "voltage_gain": (0.01, "divider of resistors of 1 %"),
+    "coil_resistance": (0.1, "copper, 0.39 % per kelvin, at a temperature that is known to 25 K: 10 %"),
+    "coil_inductance": (0.2, "air gap as above, fringing and leakage, and the iron's share of the reluctance: 20 %"),
+    "force_gain": (0.01, "load cell under the stator with its amplifier, calibrated in place: 1 %"),
+    "acceleration_gain": (
+        0.05,
+        "nominal sensitivity of a piezoelectric accelerometer: 5 %; 1 % of one that is calibrated by ISO 16063-21",
+    ),
 }
+TYPICAL: Mapping[str, float] = {key: own for key, (own, _) in _KNOWN.items()}
 """One standard deviation by key: absolute for places [m], angles [degrees] and instants [s], relative for the rest."""
+SOURCES: Mapping[str, str] = {key: source for key, (_, source) in _KNOWN.items()}
+"""Where each typical value is from."""
 
 UNITS: Mapping[str, str] = {"position": "m", "sensor_position": "m", "sensor_angle": "degrees", "instant": "s"}
 """Of the keys that are absolute; the others are relative."""
 
 MEASURED_FREQUENCY = 0.002
 """Relative, of a bending frequency that was measured: the resolution of an impact test, Ewins, Modal Testing, 2000."""
-
-SOURCES: Mapping[str, str] = {
-    "mass": "finite elements of a turned shaft: density of steel 0.3 %, diameters and lengths 0.1 % each; weighing is "
-    "better. Friswell et al., Dynamics of Rotating Machines, 2010, chapter 5",
-    "inertia": "as the mass, with the places of disks",
-    "position": "drawing tolerance and thermal growth of a housing, ISO 2768-m: 0.5 mm from 120 to 400 mm",
-    "sensor_position": "as the position; the centre of a coil is not that of its case",
-    "sensor_angle": "drilled bracket, ISO 2768-m: 30 minutes of arc",
-    "sensor_gain": "eddy-current sensors calibrated on the shaft's own material: linearity and sensitivity 1 %; "
-    "uncalibrated 5 %, API 670",
-    "current_gain": "closed-loop Hall transducers and shunts with their amplifiers: 0.5 %",
-    "excitation_gain": "gain error of digital-to-analog converters and summing resistors: 0.2 %; none where a digital "
-    "controller adds the excitation as a number",
-    "instant": "skew between simultaneously sampling channels with like filters: 1 us",
-    "bending_frequency": "finite elements with shrink fits: 1 %; 0.2 % where bending_frequencies_hz were measured",
-    "modal_damping": "of fits and materials, known by its order of magnitude; half of itself",
-    "amplifier_time_constant": "inductance and gain of a current loop: 5 %",
-    "controller_gain": "resistors and capacitors of 1 %; none of a digital controller",
-    "bias_current": "as the current reading, with its drift: 1 %",
-    "air_gap": "stacking of laminations and run-out of the journal: 5 %",
-    "flux_gain": "force by the flux density b: Hall element 2 %, its place under the pole, area and bias flux of that, "
-    "or K_i where one of both is not given: 5 %",
-    "voltage_gain": "divider of resistors of 1 %",
-    "coil_resistance": "copper, 0.39 % per kelvin, at a temperature that is known to 25 K: 10 %",
-    "coil_inductance": "air gap as above, fringing and leakage, and the iron's share of the reluctance: 20 %",
-    "force_gain": "load cell under the stator with its amplifier, calibrated in place: 1 %",
-    "acceleration_gain": "nominal sensitivity of a piezoelectric accelerometer: 5 %; 1 % of one that is calibrated by "
-    "ISO 16063-21",
-}
-"""Where each typical value is from."""
 
 
 class Tolerance(Spec):
