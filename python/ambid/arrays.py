@@ -50,6 +50,11 @@ class ByValue:
         return tuple(getattr(self, f.name) for f in fields(self) if f.name not in self.incidental)  # type: ignore[arg-type]
 
 
+def stacked(lines: ComplexArray) -> FloatArray:
+    """Real and imaginary parts, one below the other."""
+    return np.concatenate([lines.real, lines.imag])
+
+
 def is_same(a: Any, b: Any) -> bool:
     """Whether two values are equal, whatever arrays they hold; NaN is NaN."""
     if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from ambid.checking.nominal import NominalLoop
-from ambid.loop.geometry import rotor_of
-from ambid.loop.plant import base_plant
+from ambid.loop.loop import open_plant
 from ambid.loop.response import frequency_response
 from ambid.model import Model
 from reference.loop_rigs import RIGS
@@ -40,7 +39,7 @@ def test_the_machine_is_the_plant_behind_the_amplifier(name):
     rig = RIGS[name]
     f, axes, tau = np.geomspace(1e-4, 3e-3, 20) * rig.sample_rate, len(rig.axes), rig.amplifier.time_constant
     values = {slot: p.value for p in Model(rig).parameters for slot in p.slots}
-    plant = frequency_response(base_plant(rig, rotor_of(rig)).closed(values), 2j * np.pi * f)
+    plant = frequency_response(open_plant(rig, ()).closed(values), 2j * np.pi * f)
     expected = plant[:, :axes, :axes] * (1.0 + 2j * np.pi * f * tau)[:, None, None] * (rig.amplifier.resistance or 1.0)
     found = NominalLoop(rig).machine(f)
     assert np.linalg.norm(found - expected) < 0.01 * np.linalg.norm(expected)

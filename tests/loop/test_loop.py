@@ -11,6 +11,7 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.assembly import Lft
 from ambid.loop.response import frequency_response
 from ambid.rotor import assemble, reduced_rotor
+from ambid.rotor.assembly import place_of
 from reference.loop_rigs import (
     BENCH,
     DIGITAL,
@@ -78,10 +79,10 @@ def test_closing_delta_equals_reducing_the_full_rotor_with_its_magnets(speed, se
     full, modes = assemble(machine.rotor, places), reduced_rotor(machine.rotor, places)
 
     def rows(key):
-        x = {b.name: full.displacement_row(getattr(b, key), "x") for b in machine.bearings}
-        y = {b.name: full.displacement_row(getattr(b, key), "y") for b in machine.bearings}
-        angles = [(b.name, np.deg2rad(b.tilt + quarter)) for b in machine.bearings for quarter in (0.0, 90.0)]
-        return np.array([np.cos(angle) * x[name] + np.sin(angle) * y[name] for name, angle in angles])
+        freedoms = np.eye(len(full.M))
+        at = {b.name: 4 * place_of(getattr(b, key), full.z) for b in machine.bearings}
+        angles = [(at[b.name], np.deg2rad(b.tilt + quarter)) for b in machine.bearings for quarter in (0.0, 90.0)]
+        return np.array([np.cos(angle) * freedoms[x] + np.sin(angle) * freedoms[x + 1] for x, angle in angles])
 
     magnet, sensor = rows("position"), rows("sensor_position")
     ratios, omega = np.tile(modes.damping, 2), np.tile(modes.frequencies_rad_s, 2)

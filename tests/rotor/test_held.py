@@ -8,8 +8,7 @@ from numpy.testing import assert_allclose
 
 from ambid import Model, prbs
 from ambid.errors import RigError
-from ambid.loop.geometry import rotor_of
-from ambid.loop.plant import base_plant
+from ambid.loop.loop import open_plant
 from ambid.rig import FiniteElementRotor, PointMassRotor, Rig, Support
 from ambid.rotor import assemble, reduced_rotor
 from ambid.rotor.beam import beam_element, conical_element, shear_coefficient
@@ -58,7 +57,7 @@ def on_the_cones(speed):
 
 def poles_without_magnets(rig):
     """Of the rotor as the plant has it, forces of magnets left out, slowest first and one of each conjugate pair."""
-    plant = base_plant(rig, rotor_of(rig))
+    plant = open_plant(rig, ())
     values = {port.slot: 1.0 if port.power < 0 else 0.0 for port in plant.ports}
     poles = np.linalg.eigvals(plant.closed(values)[0])
     poles = poles[poles.imag > 1e-3]
@@ -156,7 +155,7 @@ def test_a_rigid_rotor_falls_as_slowly_as_its_damping_says():
         RIG.replace(rotor=RIG.rotor.model_copy(update={"mass_damping": own, "modal_damping": 0.01}))
         for own in (2.5, 0.0)
     )
-    plants = [base_plant(rig, rotor_of(rig)) for rig in (damped, free)]
+    plants = [open_plant(rig, ()) for rig in (damped, free)]
     values = {port.slot: 1.0 if port.power < 0 else 0.0 for port in plants[0].ports}
     poles, without = (np.linalg.eigvals(plant.closed(values)[0]) for plant in plants)
     assert np.sum(np.abs(poles + 2.5) < 1e-6) == 4

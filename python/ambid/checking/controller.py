@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.optimize import least_squares
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, stacked
 from ambid.checking.equations import commanded
 from ambid.checking.lines import HIGHEST_FREQUENCY, Lines
 from ambid.checking.nominal import NominalLoop
@@ -332,7 +332,7 @@ class _Equation:
 
     def _residual(self, x: FloatArray) -> FloatArray:
         """What i_c is missed by, relative to it; real parts, then imaginary ones."""
-        return _stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
+        return stacked(sum(self._parts(x, self.paths(x[-4], x[-3]))) - self.i_c) / self.size
 
     def _parts(self, x: FloatArray, paths: tuple[ComplexArray, ComplexArray]) -> tuple[ComplexArray, ...]:
         """i_c by i_e, by y, and by what was held."""
@@ -362,7 +362,7 @@ class _Equation:
         columns[-1] += more * second * self.s**3 / pole**2 * moved
         columns.append(-more * self.s**2 / pole * moved)
         columns.append(-self.s * by_y)
-        return _stacked(np.column_stack(columns)) / self.size
+        return stacked(np.column_stack(columns)) / self.size
 
 
 def _strength(columns: FloatArray, instruments: FloatArray, noisy: NDArray[np.bool_]) -> float:
@@ -390,7 +390,3 @@ def _held_by_controller(loop: NominalLoop, lines: Lines) -> ComplexArray:
     left = loop.paths(lines.frequency_hz)[1][:, None] * w / (w - poles[poles.imag >= 0.0])
     turned = 1j * left[:, poles[poles.imag >= 0.0].imag > 0.0]
     return np.asarray(np.hstack([left, turned]))
-
-
-def _stacked(values: ComplexArray) -> FloatArray:
-    return np.concatenate([values.real, values.imag])

@@ -9,7 +9,7 @@ from math import pi
 import numpy as np
 from scipy.fft import rfft
 
-from ambid.arrays import FloatArray
+from ambid.arrays import FloatArray, stacked
 from ambid.loop.effect import Effect, Seen, Tone
 from ambid.record import Record
 from ambid.rig import Rig
@@ -106,4 +106,4 @@ def _beside_excitation(columns: FloatArray, record: Record, frequency: float) ->
     slope = ((near - middle) / reach)[:, None]
     smooth = np.hstack([np.ones_like(slope), slope, driven, slope * driven])
     left = own - smooth @ np.linalg.lstsq(smooth, own, rcond=None)[0]
-    return np.concatenate([left.real, left.imag])
+    return stacked(left)

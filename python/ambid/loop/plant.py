@@ -280,20 +280,3 @@ class Plant(Assembly):
         late, errors = tuple(self.late_outputs), tuple(self.gain_errors)
         acts = self.excitation["exchanged"] @ self.excitation["reversed"]
         return replace(own, outputs=outputs, late=self.late, late_outputs=late, gain_errors=errors, excitation=acts)
-
-
-def base_plant(rig: Rig, rotor: ReducedRotor) -> Lft:
-    """The plant without any effect.
-
-    Parameters
-    ----------
-    rig : Rig
-    rotor : ReducedRotor
-        Of the same rig, known at its bearings and sensors.
-
-    Returns
-    -------
-    Lft
-        Inputs ``i_ref.<axis>``, outputs ``y.<axis>`` then ``i_c.<axis>``, ports K_i, K_s, tau_e of each axis.
-    """
-    return Plant(rig, rotor).between_commands_and_outputs()

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, stacked
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.loop.effect import Effect, EffectParameter
 from ambid.loop.plant import Plant
@@ -174,8 +174,3 @@ class Sight:
             return left
         further = nearer.left_by(port)
         return further if further.cost + further.power < left.cost + left.power else left
-
-
-def stacked(lines: ComplexArray) -> FloatArray:
-    """Real and imaginary parts, one below the other."""
-    return np.concatenate([lines.real, lines.imag])

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, rfft
 from scipy.ndimage import uniform_filter1d
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, stacked
 from ambid.errors import ModelError
 from ambid.noise.chance import log_chance
-from ambid.noise.inlets import Left, Sight, stacked
+from ambid.noise.inlets import Left, Sight
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.window import Window
 from ambid.rig import Rig

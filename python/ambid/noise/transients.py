@@ -22,26 +22,12 @@ OWN = 1e-10
 def orthonormal(basis: FloatArray) -> FloatArray:
     """An orthonormal basis of the columns, without directions that are nearly those of others."""
     size = np.linalg.norm(basis, axis=0)
-    return np.asarray((basis[:, size > 0.0] / size[size > 0.0]) @ _weights(basis, size))
-
-
-def independent(basis: FloatArray) -> FloatArray:
-    """Weights of the columns that make them orthonormal, shape (columns, kept): `basis @ weights`."""
-    size = np.linalg.norm(basis, axis=0)
-    own = _weights(basis, size)
-    found = np.zeros((basis.shape[1], own.shape[1]))
-    found[size > 0.0] = own / size[size > 0.0, None]
-    return found
-
-
-def _weights(basis: FloatArray, size: FloatArray) -> FloatArray:
-    """Of the columns that are not zero, each of length 1."""
     if not size.any():
-        return np.zeros((0, 0))
+        return np.zeros((len(basis), 0))
     scaled = basis[:, size > 0.0] / size[size > 0.0]
     values, vectors = eigh(scaled.T @ scaled)
     kept = values > OWN * values.max(initial=0.0)
-    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
+    return np.asarray(scaled @ (vectors[:, kept] / np.sqrt(values[kept])))
 
 
 def freed(signal: FloatArray, basis: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ComplexArray, FloatArray, stacked
 from ambid.noise.window import Window
 
 OUTSTANDING = 70.0
@@ -40,7 +40,7 @@ def refined_places(quiet: ComplexArray, window: Window, places: Sequence[float])
 
 def _refined(quiet: ComplexArray, window: Window, place: float, others: list[float]) -> float:
     near = _near(window, [place, *others])
-    rows = _rows(quiet[near])
+    rows = stacked(quiet[near])
     rows = rows[:, rows.any(axis=0)]
 
     def left(at: float) -> float:  # the likelihood of channels whose noise is not known
@@ -59,7 +59,7 @@ def waves_between(
     if not len(places):
         return np.zeros((len(index), quiet.shape[1]), dtype=complex)
     near = _near(window, places)
-    amplitudes = np.linalg.lstsq(_table_near(window, places, near), _rows(quiet[near]), rcond=None)[0]
+    amplitudes = np.linalg.lstsq(_table_near(window, places, near), stacked(quiet[near]), rcond=None)[0]
     both = _table(window, places, index) @ amplitudes[: 2 * len(places)]
     return np.asarray(both[: len(index)] + 1j * both[len(index) :])
 
@@ -89,14 +89,10 @@ def _table(window: Window, places: Sequence[float], index: NDArray[np.intp]) -> 
         up, down = _kernel(place - index, n), _kernel(-place - index, n)
         columns += [up + down, 1j * (up - down)]
     waves = np.stack(columns, axis=1)
-    return np.asarray(np.concatenate([waves.real, waves.imag]))
+    return stacked(waves)
 
 
 def _kernel(off: NDArray[Any], n: int) -> ComplexArray:
     """Dirichlet's: the mean of exp(2 pi i off k / n) over k = 0 .. n - 1, in units of the lines."""
     shape = np.sinc(off) / np.sinc(off / n) * np.exp(1j * np.pi * off * (1.0 - 1.0 / n))
     return np.asarray(0.5 * np.sqrt(n) * shape)
-
-
-def _rows(lines: ComplexArray) -> FloatArray:
-    return np.concatenate([lines.real, lines.imag])

@@ -215,6 +215,11 @@ class ChannelMap:
         return f"ChannelMap({', '.join(f'{c}={s.column}:{s.factor:g}' for c, s in sources.items())})"
 
 
+def as_map(given: ChannelMap | Mapping[str, str] | None) -> ChannelMap | None:
+    """The map itself, or that of these channels; None where nothing was given."""
+    return given if given is None or isinstance(given, ChannelMap) else ChannelMap(given)
+
+
 def _source(channel: str, text: str) -> _Source:
     if channel not in ("t", "fs", *RESPONSE_COLUMNS) and Channel.of(channel) is None:
         raise InputError(

@@ -14,7 +14,7 @@ from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, WithFindings
 from ambid.reading import Provenance
-from ambid.record.channel_map import ChannelMap
+from ambid.record.channel_map import ChannelMap, as_map
 from ambid.record.content import remarks
 from ambid.record.frequency_gates import (
     Lines,
@@ -152,9 +152,7 @@ class FrequencyResponse(ByValue, WithFindings):
             If the format needs a package that is not installed.
         """
         path = Path(path)
-        if mapping is not None and not isinstance(mapping, ChannelMap):
-            mapping = ChannelMap(mapping)
-        raw = read_response(path, mapping, rig)
+        raw = read_response(path, as_map(mapping), rig)
         return cls.from_arrays(**vars(raw), rig=rig, name=path.stem, path=path)
 
     @classmethod

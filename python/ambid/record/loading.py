@@ -13,7 +13,7 @@ from ambid.channels import FURTHER, SIGNALS
 from ambid.errors import RecordError
 from ambid.findings import Kind
 from ambid.record import checks
-from ambid.record.channel_map import ChannelMap
+from ambid.record.channel_map import ChannelMap, as_map
 from ambid.record.raw import RawRecord, raw_record
 from ambid.record.readers import opened
 from ambid.rig import Rig
@@ -31,10 +31,9 @@ def arguments_from(
 ) -> dict[str, Any]:
     """Arguments of `Record.from_arrays`; parameters and errors are those of `Record.load`."""
     where = str(path)
-    if mapping is not None and not isinstance(mapping, ChannelMap):
-        mapping = ChannelMap(mapping)
+    columns = as_map(mapping)
     with opened(path) as content:
-        raw = (raw_record if mapping is None else mapping.raw_record)(path, content, sample_rate)
+        raw = (raw_record if columns is None else columns.raw_record)(path, content, sample_rate)
     findings = list(raw.findings)
     if rig is not None:
         _take_sensors_out(raw, rig)

@@ -15,7 +15,7 @@ import numpy as np
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.findings import Finding, Kind
-from ambid.record.channel_map import ChannelMap
+from ambid.record.channel_map import ChannelMap, as_map
 from ambid.record.frequency_readers import holds_response
 from ambid.record.frequency_response import FrequencyResponse
 from ambid.record.record import Record
@@ -65,8 +65,7 @@ def load_measurement(
     Frequency responses are .uff and .unv files, .csv with a column and .mat with a variable ``frequency_hz``; `period`,
     `sample_rate` and `allow` say nothing of them.
     """
-    if mapping is not None and not isinstance(mapping, ChannelMap):
-        mapping = ChannelMap(mapping)
+    mapping = as_map(mapping)
     if holds_response(Path(path), mapping):
         return FrequencyResponse.load(path, rig, mapping=mapping)
     return Record.load(path, rig, period=period, mapping=mapping, sample_rate=sample_rate, allow=allow)

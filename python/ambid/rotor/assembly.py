@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal
 
 import numpy as np
 from scipy.linalg import eigh
@@ -77,30 +76,6 @@ class BeamModel:
         """Moment of inertia about a transverse axis through the centre of mass [kg m^2]."""
         about_centre = self._rotation - self.centre * self._translation
         return float(about_centre @ self.plane.mass @ about_centre)
-
-    def displacement_row(self, z: float, direction: Literal["x", "y"]) -> FloatArray:
-        """Row that reads the lateral displacement at `z` out of the freedoms.
-
-        Parameters
-        ----------
-        z : float
-            Axial position [m], at a node.
-        direction : {"x", "y"}
-            Global direction.
-
-        Returns
-        -------
-        ndarray, shape (4 n,)
-            Ones and zeros; its transpose is where a unit force at `z` goes.
-
-        Raises
-        ------
-        RigError
-            No node within 1e-6 m of `z`.
-        """
-        row = np.zeros(4 * len(self.z))
-        row[4 * place_of(z, self.z) + "xy".index(direction)] = 1.0
-        return row
 
     @property
     def _translation(self) -> FloatArray:
