@@ -6,8 +6,6 @@ a module or a session costs is counted once, however many workers make it, and n
 result with others.
 """
 
-from __future__ import annotations
-
 import functools
 import sys
 from collections import Counter

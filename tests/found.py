@@ -1,7 +1,5 @@
 """Findings of a result by their codes, which are stable; their texts are not."""
 
-from __future__ import annotations
-
 from ambid.findings import Finding, WithFindings
 
 __all__ = ["codes", "the"]

@@ -4,8 +4,6 @@
 differ by what another processor's rounding makes of the printed digits.
 """
 
-from __future__ import annotations
-
 import re
 import tomllib
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What the source of the tests shows without running it: phrases, imports that tests do not make, claims."""
 
-from __future__ import annotations
-
 import ast
 import re
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Which variations of a claim are in the fast tier: the first few; the others are run in the slow one."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

@@ -4,8 +4,6 @@
 which `python/docs/_ext/validation.py` makes tables. A row is written by the assertion alone.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -10,8 +10,6 @@ the same records in the same run: many identifications at once, on one thread an
 Levenberg-Marquardt on one core. No part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -17,8 +17,6 @@ A way rejects a model where its residual is not white (Ljung and Box, 25 lags, 1
 above its bound. No part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import io

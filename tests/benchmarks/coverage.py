@@ -8,8 +8,6 @@ with the effect in it where the independent simulator of `tests/hidden` hides on
 record belong to one noise: the interval of the rate over all parameters is narrower than it should be.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import cache

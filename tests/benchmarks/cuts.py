@@ -10,8 +10,6 @@ Cuts of a record share its noise, so that the rates over its cuts are no surer t
 a source by default, at any start and of any length. Runs go on where the file ends; no part of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

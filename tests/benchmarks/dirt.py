@@ -7,8 +7,6 @@ Each kind of `tests/hidden/dirt.py` on a mass on one axis (20 seeds) and on a sp
 hidden and with one effect. Runs go on where the file ends; no part of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -8,8 +8,6 @@ clear (1e4), diagnosed four times: of y alone, of y and i_c, and of both with b 
 The gain of b is as well known as Hall sensors are. It goes on where it stopped; no part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """What the benchmarks share: runs that go on where their file ends, and rates with their intervals."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable

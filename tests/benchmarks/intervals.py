@@ -1,7 +1,5 @@
 """Intervals against the truth: what `coverage.py` and `cuts.py` share."""
 
-from __future__ import annotations
-
 import time
 from collections import defaultdict
 from collections.abc import Mapping, Sequence

@@ -13,8 +13,6 @@ beyond a minute or 4 GB; `--table` writes it in Markdown. `PYTHONPATH` is kept f
 tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import resource

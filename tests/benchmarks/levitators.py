@@ -9,8 +9,6 @@ true name cannot be distinguished from the diagnosis reports as a set or a famil
 Runs go on where the file ends; no part of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

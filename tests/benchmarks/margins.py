@@ -9,8 +9,6 @@ two-bearing bench. Intervals of one
 record belong to one noise: the interval of the rate over all peaks of a bench is narrower than it should be.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from functools import cache

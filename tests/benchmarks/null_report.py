@@ -1,7 +1,5 @@
 """Tables and a picture of false verdicts by level, and of p-values against the uniform ones that they should be."""
 
-from __future__ import annotations
-
 from collections import Counter, defaultdict
 from pathlib import Path
 

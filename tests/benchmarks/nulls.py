@@ -9,8 +9,6 @@ is that of `hidden/null_cells.py`. False is a verdict that claims something: `ex
 `none_of_the_candidates`; `not_informative` claims nothing and is counted apart, as are runs that end with an error.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

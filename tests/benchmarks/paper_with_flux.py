@@ -9,8 +9,6 @@ bias current a small and a large PRBS are diagnosed together, of y and i_c, and 
 them; with typical tolerances. It goes on where it stopped; no part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections import Counter

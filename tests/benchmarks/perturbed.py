@@ -12,8 +12,6 @@ that nobody chose, from records in which nothing is hidden, and from a folder of
 Runs go on where the file ends; no part of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections import Counter

@@ -10,8 +10,6 @@ a statement with a probability. Calibrated is what isotonic regression of the tr
 (CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

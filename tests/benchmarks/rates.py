@@ -15,8 +15,6 @@ of it but that all is well. The same holds of what acts as more noise and does n
 by itself has nothing to show it by.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

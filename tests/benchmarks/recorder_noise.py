@@ -9,8 +9,6 @@ colour or converter, lengths and numbers of periods; the model is the exact one,
 last in units of sqrt(2 dof), one file beside another. No part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

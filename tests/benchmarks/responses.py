@@ -9,8 +9,6 @@ with nothing but std; the record in time is the other half, or the other file. R
 of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -10,8 +10,6 @@ DATA holds ``cases/*`` (rig.toml, train.*, validate.*) and ``campaign`` (a folde
 equal up to 1e-9, relative; times are left out, and candidates of one score may stand in either order.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

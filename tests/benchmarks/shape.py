@@ -6,8 +6,6 @@ Times on a shared machine differ by factors; their ratio does not. No part of th
 that of a levitator with dry friction, which SciPy has integrated.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

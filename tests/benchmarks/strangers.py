@@ -10,8 +10,6 @@ record is made by the independent simulator. What no physical size makes visible
 Runs go on where the file ends; no part of it is a test.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

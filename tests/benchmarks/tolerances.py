@@ -10,8 +10,6 @@ of three and of ten tolerances. It goes on where it stopped.
 No part of the tests.
 """
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

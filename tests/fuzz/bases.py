@@ -1,7 +1,5 @@
 """The healthy files that the fuzzer starts from: small, so that thousands of runs take minutes."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
 

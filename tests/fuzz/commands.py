@@ -3,8 +3,6 @@
 `test_every_option_of_the_command_line_is_tried` holds this against the command line.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from fuzz import mutations

@@ -1,7 +1,5 @@
 """Records whose files are whole, but hold what no logger writes: odd types, shapes, sizes, links, and nests."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Inputs that once ended in a traceback, a crash, a hang, or a swollen process: each breaks one thing in a folder."""
 
-from __future__ import annotations
-
 import json
 import re
 import zlib

@@ -1,7 +1,5 @@
 """An input of the fuzzer: a folder of files, one of them damaged, and the words of a command."""
 
-from __future__ import annotations
-
 import functools
 import json
 import shutil

@@ -1,7 +1,5 @@
 """Seeded damage: to the bytes of any file, and to the fields of a text, a table or a structure."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -3,8 +3,6 @@
 Every input is made of a seed and a number, and runs in a process of a pool, whose memory and time are bounded.
 """
 
-from __future__ import annotations
-
 import argparse
 import json
 import os

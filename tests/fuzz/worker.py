@@ -1,7 +1,5 @@
 """A process that runs inputs one after the other, and says how each ended; a crash of it is that of its input."""
 
-from __future__ import annotations
-
 import contextlib
 import faulthandler
 import io

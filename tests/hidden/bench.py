@@ -1,7 +1,5 @@
 """Records that a machine with hidden physics would give: `simulate` one, `simulate_all` many at once."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor

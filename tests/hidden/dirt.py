@@ -1,7 +1,5 @@
 """Kinds of dirt on a record: what cards, clocks, cables and files do to it after the machine has done its part."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 

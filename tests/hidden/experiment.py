@@ -1,7 +1,5 @@
 """Whole experiments with a known answer: a rig file, records to train on and to validate with, and the truth."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Machines of the experiments, and for each effect a family of parameters with one size: 0 is no effect."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Numbers of laws of integrator.c, and of the half-order lag."""
 
-from __future__ import annotations
-
 from functools import cache
 
 import numpy as np

@@ -4,8 +4,6 @@ The reference of a digital law adds what the law makes of it to the command, so 
 knows i_e alone, runs them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 

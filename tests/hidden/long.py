@@ -1,7 +1,5 @@
 """Long shafts in four and in eight bearings: machines of eight and of sixteen axes."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambid.rig import (

@@ -5,8 +5,6 @@ rotor and housings -> sensors -> controller -> command -> amplifiers -> flux -> 
 ``i_ref = -(K y) + i_e``, written in global x and y.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil

@@ -1,7 +1,5 @@
 """A machine as states, held inputs and nonlinear ports, and its run in time by integrator.c."""
 
-from __future__ import annotations
-
 import ctypes
 import hashlib
 import os

@@ -4,8 +4,6 @@ Records come in blocks of `BLOCK`; in each, every level of every factor stands e
 (a Latin hypercube), so that any number of blocks is balanced, and the k-th record is the same in all of them.
 """
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from functools import cache
 from itertools import product

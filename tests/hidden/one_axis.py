@@ -1,7 +1,5 @@
 """A mass on one axis, of which a diagnosis takes some tenths of a second, and what is hidden in it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from ambid.record import Record

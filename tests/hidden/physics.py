@@ -1,7 +1,5 @@
 """What can hide in a record: the effects of the catalogue and physics outside it, with their parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 NEEDED = object()

@@ -1,7 +1,5 @@
 """The true rotor: the known modes and what is wrong about them, in global x and y."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.interpolate import make_interp_spline
 

@@ -8,8 +8,6 @@ about as the square of the size, which leads the search to sizes too small and t
 the logarithm of the size.
 """
 
-from __future__ import annotations
-
 import json
 import sys
 from collections.abc import Mapping, Sequence

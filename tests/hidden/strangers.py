@@ -1,7 +1,5 @@
 """Machines that nobody chose: rotor, bearings, controller, noises and excitation at random, until one is stable."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambid import Model

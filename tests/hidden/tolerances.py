@@ -1,7 +1,5 @@
 """Machines whose rig file is off by ordinary tolerances: every value by a draw of its own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Digital loops whose plant has inputs beyond the commands, against SciPy, by the linear and the nonlinear path."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

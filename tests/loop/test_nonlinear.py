@@ -1,7 +1,5 @@
 """Nonlinear blocks of Delta: response, derivatives, and what is refused."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline

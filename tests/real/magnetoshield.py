@@ -5,8 +5,6 @@
 The record is of the AutomationShield project (CC BY-NC-ND 4.0; Sensors 24 (2024) 538). It is read, never copied.
 """
 
-from __future__ import annotations
-
 import sys
 from dataclasses import replace
 from pathlib import Path

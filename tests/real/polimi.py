@@ -21,8 +21,6 @@ at 29 to 33 um and 9 to 10 mA, of which 16 um and 6 mA are noise.
 The records are from github.com/Bocchio01/062020-Lab-Mechatronics (MIT licence): INTECO MLS2EM, upper coil.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path

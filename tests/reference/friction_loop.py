@@ -1,7 +1,5 @@
 """A mass that a magnet levitates, with dry friction: integrated by SciPy, no line of it shared with the product."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.integrate import odeint
 

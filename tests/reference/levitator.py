@@ -4,8 +4,6 @@ Held commands u reach the coil by ``tau i' = u/R - i``; the mass obeys ``m s'' =
 magnets that pull against each other, or of one that pulls against the weight.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A levitated mass with nonlinear blocks, for the core and for an adaptive integrator restarted at every sample."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
