@@ -105,13 +105,13 @@ def compare_command(
     }
     found = [line for own in comparison.records for line in own.finding_lines()]
     text = "\n".join([repr(comparison), *largest, *found])
-
-    def drawing() -> Sequence[Path]:
-        if plot is None:
-            return ()
-        return ambid.plot.save_comparison(comparison, plot, stretch=shown, before=earlier)
-
-    conclude(text, data, json_file, quiet, drawing)
+    conclude(
+        text,
+        data,
+        json_file,
+        quiet,
+        lambda: () if plot is None else ambid.plot.save_comparison(comparison, plot, stretch=shown, before=earlier),
+    )
 
 
 def rank_command(

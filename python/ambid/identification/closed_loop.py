@@ -17,14 +17,14 @@ from ambid.identification.curvature import Curvature, curvature, with_curvature
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import WhitenedProblem
-from ambid.identification.preparation import beside_known, prepare
+from ambid.identification.preparation import Prepared, beside_known, prepare
 from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.renewal import findings_at_edge, improbability, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model
 from ambid.noise import Adequacy, Comparison, Noise, compare
-from ambid.record import Measurement, Record, Source
+from ambid.record import Record, Source
 from ambid.rig.notes import notes_of
 from ambid.threads import with_one_blas_thread
 
@@ -195,20 +195,16 @@ def steps(
     if isinstance(weights, str) and weights not in (LIKELIHOOD, EQ_9):
         raise ModelError(f"weights = {weights!r}; expected {LIKELIHOOD!r}, {EQ_9!r}, or factors by channel")
     prepared = prepare(model, records, free, fixed, bounds, starts, seed, max_evaluations)
-    model, records, in_time, free_indices, limits, origins, tolerated = prepared
+    in_time, has_responses = prepared.in_time, len(prepared.in_time) < len(prepared.records)
     found: list[Finding] = []
     if weights == LIKELIHOOD:
         try:
-            return (
-                yield from _likeliest(
-                    model, records, free_indices, tolerated, limits, origins, max_evaluations, progress
-                )
-            )
+            return (yield from _likeliest(prepared, max_evaluations, progress))
         except RecordError as error:
-            if len(in_time) < len(records):
+            if has_responses:
                 raise  # frequency responses have no eq. 9
             found.append(WITHOUT_NOISE(NOWHERE, reason=str(error)))
-    if len(in_time) < len(records):
+    if has_responses:
         raise ModelError(
             f"weights = {weights!r}: eq. 9 is least squares in time, and frequency responses are among the records; "
             "leave weights out, or them"
@@ -218,27 +214,19 @@ def steps(
             f"{free_response.path or free_response.name}: nothing drives this record, and eq. 9 simulates from rest; "
             f"{found[0].message if found else 'leave the weights out'}"
         )
-    factors = _factors(model, in_time, None if isinstance(weights, str) else weights)
-    return (
-        yield from _in_time(
-            model, in_time, free_indices, tolerated, limits, origins, factors, max_evaluations, progress, found
-        )
-    )
+    factors = _factors(prepared.model, in_time, None if isinstance(weights, str) else weights)
+    return (yield from _in_time(prepared, factors, max_evaluations, progress, found))
 
 
 def _in_time(
-    model: Model,
-    records: tuple[Record, ...],
-    free: list[int],
-    known: list[int],
-    limits: Limits,
-    origins: list[FloatArray],
+    prepared: Prepared,
     factors: Mapping[str, float],
     max_evaluations: int,
     progress: Callable[[int, float], None] | None,
     before: list[Finding],
 ) -> Steps:
     """The fit of eq. 9, as if the values that are known to a tolerance were exact; their errors widen its intervals."""
+    model, _, records, free, limits, origins, known = prepared
     problem = Problem(model, records, free, noise_levels(records), factors, progress)
     best, findings = yield from best_of(problem, origins, limits, max_evaluations)
     if not all(record.periods >= 3 for record in records):
@@ -254,40 +242,27 @@ def _in_time(
     return Found(problem, best, limits, total, parts, directions, comparison, findings).curved()
 
 
-def _likeliest(
-    model: Model,
-    records: tuple[Measurement, ...],
-    free: list[int],
-    known: list[int],
-    limits: Limits,
-    origins: list[FloatArray],
-    max_evaluations: int,
-    progress: Callable[[int, float], None] | None,
-) -> Steps:
+def _likeliest(prepared: Prepared, max_evaluations: int, progress: Callable[[int, float], None] | None) -> Steps:
     """The fit that minimises J, in the noise of its own residual.
 
     It begins as if the values that are known to a tolerance were exact, and goes on with their errors beside the rest.
     """
-    stable, moved = stable_model(model, free, origins, limits)
-    rough = WhitenedProblem(model, Noise.rough(stable, records), free, progress)  # x in units of the limits
+    given, records, in_time, exact, sides, origins, known = prepared
+    stable, moved = stable_model(given, exact, origins, sides)
+    rough = WhitenedProblem(given, Noise.rough(stable, records), exact, progress)  # x in units of the limits
     best, more = yield from best_of(
-        rough, origins if not moved else [stable.theta[free]], limits, max_evaluations, ROUGHLY
+        rough, origins if not moved else [stable.theta[exact]], sides, max_evaluations, ROUGHLY
     )
-    in_time = tuple(record for record in records if record.is_in_time)
     has_eq_9 = len(in_time) == len(records) and not any(record.is_free_response for record in in_time)
     if in_time and best.status in ("converged", "at_bound"):
-        best = yield from way_around(rough, best, stable, in_time, limits, max_evaluations)
-    given, exact, sides = model, free, limits
-    free, limits = [*free, *known], beside_known(limits, model, known)
-    model = model.opened() if known else model
+        best = yield from way_around(rough, best, stable, in_time, sides, max_evaluations)
+    free, limits = [*exact, *known], beside_known(sides, given, known)
+    model = given.opened() if known else given
     problem, best, comparison = yield from renewed(rough, best, model, free, limits, max_evaluations)
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
     missing = not is_known and comparison.misfit > comparison.bound
     if missing and has_eq_9 and best.status != "stopped":
-        factors = _factors(given, in_time, None)
-        other = yield from _in_time(
-            given, in_time, exact, known, sides, origins, factors, max_evaluations, progress, []
-        )
+        other = yield from _in_time(prepared, _factors(given, in_time, None), max_evaluations, progress, [])
         again = yield from renewed(rough, other.end, model, free, limits, max_evaluations)
         problem, best, comparison = min((problem, best, comparison), again, key=lambda own: improbability(own[2]))
         if other.end.status == "stopped" or improbability(other.comparison) < improbability(comparison):
