@@ -3,11 +3,11 @@
 from ambid.diagnosis.by_excitation import MisfitMatrix, misfit_matrix
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.localisation import Localisation, localise, misfit_maps
+from ambid.diagnosis.ports import measured_shape
 from ambid.diagnosis.prediction import Prediction, predict
 from ambid.diagnosis.procedure import diagnose
 from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.result import Diagnosis, Step
-from ambid.diagnosis.shape import measured_shape
 from ambid.diagnosis.standing import holders
 from ambid.noise import Comparison, compare
 

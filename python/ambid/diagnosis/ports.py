@@ -2,7 +2,8 @@
 
 The residual on the excited lines is mapped back through the closed loop to a force at each magnet, a current at each
 amplifier, or a displacement at each sensor. The port type that needs nothing beyond noise in the other directions is
-where the missing physics acts; its needed signal, averaged over the periods, against s, ds/dt and i is its shape.
+where the missing physics acts; its needed signal, averaged over the periods, against s, ds/dt and i is its shape, which
+is measured beside the base parameters and taken anew.
 """
 
 from __future__ import annotations
@@ -14,10 +15,15 @@ from functools import partial
 import numpy as np
 
 from ambid.arrays import FloatArray
+from ambid.effects import MeasuredShape
+from ambid.errors import ModelError
+from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.problem import ROUGHLY
 from ambid.noise import Comparison
 from ambid.noise.inlets import Sight
 from ambid.noise.shapes import NoShapes, Shapes, Term
 from ambid.rig import Rig
+from ambid.threads import with_one_blas_thread
 
 PORTS = {
     "force": ("f", "N", "force at the magnets, whatever its cause: magnet, seal, rotor"),
@@ -118,3 +124,60 @@ def _by_misfit_then_shape(port: Port) -> tuple[float, float]:
     """Ports that leave about as little are ordered by how much of it a simple shape explains."""
     left = 1.0 if np.isnan(port.misfit) else max(port.misfit, 1.0)
     return round(np.log(left) / 0.2), -port.terms[0].score if port.terms else 0.0
+
+
+@with_one_blas_thread
+def measured_shape(
+    comparison: Comparison, port: str = "force", over: str | None = None, rounds: int = 3
+) -> MeasuredShape:
+    """The shape of the signal that a port needs, so that the model meets the first record; its factor is 1.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Of a fitted model.
+    port : {"force", "current", "sensor", "reading"}
+    over : str, optional
+        Signal of the loop that it is a function of; default: the one over which it explains most.
+    rounds : int
+        So often is it taken from the port.
+
+    Returns
+    -------
+    MeasuredShape
+        An effect; the values of the model's parameters beside it are those of an identification with it.
+
+    Raises
+    ------
+    ModelError
+        If there is no such port, or it needs nothing.
+    """
+    record = comparison.noise.records[0]
+    if record.period is not None and record.periods > 2:  # a shape is a mean over all samples: more say little more
+        record = record.rows(0, 2 * record.period)
+    base = fit = Comparison(comparison.model, [record])
+    shape: MeasuredShape | None = None
+    for k in range(rounds):
+        ports = {own.name: own for own in needed_at_ports(fit)}
+        if port not in ports:
+            raise ModelError(f"port {port}: expected one of {', '.join(ports)}")
+        shape = MeasuredShape.from_port(ports[port], over, shape)
+        if k + 1 < rounds:
+            fit = _fitted(base, shape)
+            factor = fit.model.parameters[fit.model.names.index(shape.slot("factor"))].value
+            shape = shape.times(factor)
+    if shape is None:
+        raise ModelError(f"rounds = {rounds}; expected 1 or more")
+    return shape
+
+
+def _fitted(base: Comparison, shape: MeasuredShape) -> Comparison:
+    """The base parameters and the factor of a shape, the rig file's values as they are."""
+    model = base.model.add(shape, {"factor": 1.0}).with_substeps(1)
+    problem = WhitenedProblem(model, base.noise, model.free, roughly=model.without_nonlinear().is_stable)
+    own = [model.parameters[i] for i in problem.free]
+    lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in own]).T / problem.scale
+    end = problem.descend(at, (lower, upper), 8, ROUGHLY)  # it need not end, as the shape is taken anew
+    if end.status == "stopped":
+        raise KeyboardInterrupt from None
+    return base.of(model.with_theta(end.theta))

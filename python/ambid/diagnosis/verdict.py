@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import chdtri
 
-from ambid.diagnosis.apart import Changing, changing
-from ambid.diagnosis.confirmation import is_everywhere
+from ambid.diagnosis.confirmation import Changing, changing, is_everywhere
 from ambid.diagnosis.drift import Change, largest_change
 from ambid.diagnosis.evidence import OF_FORMULAS, SURE
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
