@@ -8,7 +8,6 @@ with the effect in it where the independent simulator of `tests/hidden` hides on
 record belong to one noise: the interval of the rate over all parameters is narrower than it should be.
 """
 
-import argparse
 import sys
 from functools import cache
 from itertools import product
@@ -19,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Model, prbs
-from benchmarks.grid import Row, aligned, markdown, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, read_rows, run_all
 from benchmarks.intervals import (
     HEAD,
     MISFIT_HEAD,
@@ -81,12 +80,10 @@ def tables(rows: list[Row]) -> tuple[list[list[str]], list[list[str]]]:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=600)
     parser.add_argument("--hidden", nargs="*", choices=HIDDEN, default=list(HIDDEN))
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
     if not (given.report or given.table):

@@ -10,7 +10,6 @@ Cuts of a record share its noise, so that the rates over its cuts are no surer t
 a source by default, at any start and of any length. Runs go on where the file ends; no part of it is a test.
 """
 
-import argparse
 import json
 import sys
 from functools import cache, partial
@@ -22,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Model, Record, Rig
-from benchmarks.grid import Row, aligned, markdown, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, read_rows, run_all
 from benchmarks.intervals import (
     HEAD,
     MISFIT_HEAD,
@@ -106,13 +105,11 @@ def tables(rows: list[Row]) -> tuple[list[list[str]], list[list[str]]]:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("cases", type=Path)
     parser.add_argument("--case", nargs="*", default=["01", "03", "06"], help="what the names of cases begin with")
     parser.add_argument("--cuts", type=int, default=100, help="of each source")
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
     if not (given.report or given.table):

@@ -7,7 +7,6 @@ Each kind of `tests/hidden/dirt.py` on a mass on one axis (20 seeds) and on a sp
 hidden and with one effect. Runs go on where the file ends; no part of it is a test.
 """
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 from ambid import diagnose, identify
 from ambid.checking import check
 from ambid.errors import AmbidError
-from benchmarks.grid import Row, aligned, markdown, rate_text, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, rate_text, read_rows, run_all
 from hidden.bench import simulate
 from hidden.dirt import DIRT, MARGIN, NOISE_FREE, soiled
 from hidden.families import BENCHES
@@ -128,13 +127,11 @@ def _is_wrong(row: Row) -> bool:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--kinds", nargs="*", default=[*DIRT, NOISE_FREE])
     parser.add_argument("--axes", nargs="*", default=["one", "four"])
     parser.add_argument("--seeds", type=int, help="of each; default 20 on one axis and 5 on four")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
     if not (given.report or given.table):

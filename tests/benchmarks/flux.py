@@ -8,7 +8,6 @@ clear (1e4), diagnosed four times: of y alone, of y and i_c, and of both with b 
 The gain of b is as well known as Hall sensors are. It goes on where it stopped; no part of the tests.
 """
 
-import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import replace
@@ -19,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Record, Rig, diagnose
-from benchmarks.grid import Row, aligned, markdown, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, read_rows, run_all
 from hidden.bench import measured
 from hidden.machine import magnet
 from hidden.network import library
@@ -100,11 +99,9 @@ def report(rows: list[Row]) -> Iterator[list[str]]:
 
 def main() -> None:
     """Make the rows, or report those that are there."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=1)
     parser.add_argument("rows", type=Path)
     parser.add_argument("--seeds", type=int, default=3)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path, help="write it as Markdown")
     given = parser.parse_args()
     if not given.report:

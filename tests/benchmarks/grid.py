@@ -1,5 +1,6 @@
 """What the benchmarks share: runs that go on where their file ends, and rates with their intervals."""
 
+import argparse
 import json
 import math
 from collections.abc import Callable, Iterable
@@ -27,6 +28,14 @@ def rate_text(hits: int, runs: int) -> str:
     """Rate and its Wilson 95 % interval in percent, such as ``4/200 = 2.0 % (0.8 .. 5.0)``."""
     low, high = wilson(hits, runs)
     return f"{hits}/{runs} = {100 * hits / max(runs, 1):.1f} % ({100 * low:.1f} .. {100 * high:.1f})"
+
+
+def options(about: str | None, *, workers: int) -> argparse.ArgumentParser:
+    """What every benchmark is asked whose runs go on where their file ends."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--workers", type=int, default=workers)
+    parser.add_argument("--report", action="store_true", help="print what the file holds")
+    return parser
 
 
 def read_rows(path: Path) -> list[Row]:

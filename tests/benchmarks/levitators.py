@@ -9,7 +9,6 @@ true name cannot be distinguished from the diagnosis reports as a set or a famil
 Runs go on where the file ends; no part of it is a test.
 """
 
-import argparse
 import sys
 import time
 from functools import lru_cache
@@ -22,7 +21,7 @@ import numpy as np
 
 from ambid import diagnose, identify
 from ambid.errors import AmbidError
-from benchmarks.grid import aligned, rate_text, read_rows, run_all
+from benchmarks.grid import aligned, options, rate_text, read_rows, run_all
 from benchmarks.rates import HEAD, is_right, rates
 from hidden.bench import MachineFailure
 from hidden.levitators import EFFECTS, Levitator, levitator
@@ -89,12 +88,10 @@ def _machine(number: int) -> Levitator:
 
 def main() -> None:
     """Run what is missing, or report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--machines", type=int, default=24)
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--wrong", action="store_true", help="list what went wrong")
     given = parser.parse_args()
     if not (given.report or given.wrong):

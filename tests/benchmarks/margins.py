@@ -9,7 +9,6 @@ two-bearing bench. Intervals of one
 record belong to one noise: the interval of the rate over all peaks of a bench is narrower than it should be.
 """
 
-import argparse
 import sys
 from functools import cache
 from pathlib import Path
@@ -19,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 import ambid
-from benchmarks.grid import Row, aligned, rate_text, read_rows, run_all
+from benchmarks.grid import Row, aligned, options, rate_text, read_rows, run_all
 from benchmarks.intervals import truth_of
 from hidden.bench import measured
 from hidden.families import BENCHES, Bench
@@ -92,12 +91,10 @@ def table(rows: list[Row]) -> list[list[str]]:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--seeds", type=int, default=200)
     parser.add_argument("--machines", nargs="*", choices=MACHINES, default=list(MACHINES))
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     given = parser.parse_args()
     if given.report:
         print(aligned(HEAD, table(read_rows(given.out))))

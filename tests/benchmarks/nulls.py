@@ -9,7 +9,6 @@ is that of `hidden/null_cells.py`. False is a verdict that claims something: `ex
 `none_of_the_candidates`; `not_informative` claims nothing and is counted apart, as are runs that end with an error.
 """
 
-import argparse
 import sys
 import time
 from pathlib import Path
@@ -19,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import diagnose
-from benchmarks.grid import Row, read_rows, run_all
+from benchmarks.grid import Row, options, read_rows, run_all
 from benchmarks.null_report import picture, report, table
 from hidden.null_cells import described, made
 
@@ -74,13 +73,11 @@ def _freedom(first, cell: Row, samples: int) -> float:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--records", type=int, default=2000)
     parser.add_argument("--first", type=int, default=0, help="number of the first record")
     parser.add_argument("--periods", type=int, help="only records of so many periods; 0: the excitation never repeats")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()

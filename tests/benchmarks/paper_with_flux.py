@@ -9,7 +9,6 @@ bias current a small and a large PRBS are diagnosed together, of y and i_c, and 
 them; with typical tolerances. It goes on where it stopped; no part of the tests.
 """
 
-import argparse
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -25,7 +24,7 @@ import numpy as np
 from ambid import Record, Rig, diagnose
 from ambid.excitation import prbs
 from benchmarks.flux import NOISE
-from benchmarks.grid import Row, aligned, markdown, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, read_rows, run_all
 from hidden.bench import measured
 from hidden.families import BENCHES, FAMILIES
 from hidden.laws import magnet
@@ -215,12 +214,10 @@ def picture(rows: list[Row], path: Path) -> None:
 
 def main() -> None:
     """Make the rows, or report those that are there."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=1)
     parser.add_argument("rows", type=Path)
     parser.add_argument("--bearings", nargs="*", default=["B"], choices=MAGNETS)
     parser.add_argument("--seeds", type=int, default=1)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     parser.add_argument("--picture", type=Path)
     given = parser.parse_args()

@@ -12,7 +12,6 @@ that nobody chose, from records in which nothing is hidden, and from a folder of
 Runs go on where the file ends; no part of it is a test.
 """
 
-import argparse
 import sys
 from collections import Counter
 from dataclasses import replace
@@ -24,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import FrequencyResponse, Record, Rig, diagnose, identify, rank
-from benchmarks.grid import Row, rate_text, read_rows, run_all
+from benchmarks.grid import Row, options, rate_text, read_rows, run_all
 from hidden.experiment import KINDS, experiment, experiment_on
 from hidden.families import FAMILIES
 from hidden.levitators import EFFECTS, levitator
@@ -171,13 +170,11 @@ def report(rows: list[Row]) -> None:
 
 def main() -> None:
     """Run what is missing in the file, and report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=1)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--identify", type=int, default=0, help="cases that are fitted and ranked")
     parser.add_argument("--diagnose", type=int, default=0, help="cases that are diagnosed")
     parser.add_argument("--data", type=Path, help="folder with cases/*")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--report", action="store_true")
     given = parser.parse_args()
     if not given.report:
         todo = [own for job in JOBS for own in jobs(job, getattr(given, job))]

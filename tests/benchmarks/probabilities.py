@@ -10,7 +10,6 @@ a statement with a probability. Calibrated is what isotonic regression of the tr
 (CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -24,7 +23,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from ambid import Record, Rig, diagnose
-from benchmarks.grid import Row, aligned, markdown, rate_text, read_rows, run_all
+from benchmarks.grid import Row, aligned, markdown, options, rate_text, read_rows, run_all
 from benchmarks.levitators import sized as sized_levitator
 from hidden.experiment import experiment_on
 from hidden.families import BENCHES, FAMILIES, Bench
@@ -211,12 +210,10 @@ def _draw(p: np.ndarray, calibrated: np.ndarray, picture: Path) -> None:
 
 def main() -> None:
     """Run what is missing, or report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=1)
     parser.add_argument("out", type=Path)
     parser.add_argument("--machines", type=int, default=500, help="of each population")
     parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     parser.add_argument("--picture", type=Path)
     given = parser.parse_args()

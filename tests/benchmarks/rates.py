@@ -15,7 +15,6 @@ of it but that all is well. The same holds of what acts as more noise and does n
 by itself has nothing to show it by.
 """
 
-import argparse
 import sys
 import time
 from collections import Counter, defaultdict
@@ -28,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import ambid
 from ambid import diagnose
 from ambid.effects import channels, slips
-from benchmarks.grid import aligned, markdown, rate_text, read_rows, run_all
+from benchmarks.grid import aligned, markdown, options, rate_text, read_rows, run_all
 from hidden.experiment import KINDS, experiment
 from hidden.physics import CATALOGUE, OUTSIDE
 
@@ -221,34 +220,32 @@ def draw(lines: list[dict[str, Any]], path: Path) -> None:
 
 def main() -> None:
     """Run what is missing, or report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--bench", choices=BENCHES, action="append", help="machine; or say --kinds")
     parser.add_argument("--kinds", nargs="*", choices=KINDS, default=[])
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first-seed", type=int, default=0)
     parser.add_argument("--sizes", nargs="*", choices=SIZES, default=SIZES)
     parser.add_argument("--effects", nargs="*", default=[], help=f"names, or {', '.join(GROUPS)}; default: everything")
-    parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--picture", type=Path, help="of the confusion matrix")
     parser.add_argument("--table", type=Path, help="Markdown file of the rates")
     parser.add_argument("--wrong", action="store_true", help="list what went wrong")
-    options = parser.parse_args()
-    if not (options.report or options.picture or options.table or options.wrong):
-        kinds = [*options.kinds, *(BENCHES[name] for name in options.bench or ())] or ["analog"]
-        seeds = range(options.first_seed, options.first_seed + options.seeds)
-        run_all(run, jobs(seeds, options.sizes, kinds, options.effects), options.out, options.workers)
+    given = parser.parse_args()
+    if not (given.report or given.picture or given.table or given.wrong):
+        kinds = [*given.kinds, *(BENCHES[name] for name in given.bench or ())] or ["analog"]
+        seeds = range(given.first_seed, given.first_seed + given.seeds)
+        run_all(run, jobs(seeds, given.sizes, kinds, given.effects), given.out, given.workers)
         return
-    kept = {*options.kinds, *(BENCHES[name] for name in options.bench or ())}
-    lines = [x for x in read_rows(options.out) if not kept or x["kind"] in kept]
-    if options.report:
+    kept = {*given.kinds, *(BENCHES[name] for name in given.bench or ())}
+    lines = [x for x in read_rows(given.out) if not kept or x["kind"] in kept]
+    if given.report:
         report(lines)
-    if options.picture:
-        draw(lines, options.picture)
-    if options.table:
-        options.table.write_text(markdown(HEAD, rates(lines)))
-    if options.wrong:
+    if given.picture:
+        draw(lines, given.picture)
+    if given.table:
+        given.table.write_text(markdown(HEAD, rates(lines)))
+    if given.wrong:
         for x in lines:
             if not is_right(x):
                 shown = (

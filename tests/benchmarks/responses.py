@@ -9,7 +9,6 @@ with nothing but std; the record in time is the other half, or the other file. R
 of it is a test.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -23,7 +22,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Diagnosis, FrequencyResponse, Record, Rig, diagnose
-from benchmarks.grid import NORMAL_95, Row, aligned, markdown, rate_text, read_rows, run_all
+from benchmarks.grid import NORMAL_95, Row, aligned, markdown, options, rate_text, read_rows, run_all
 from hidden.bench import simulate
 from hidden.families import BENCHES
 from hidden.sizes import sized
@@ -161,13 +160,11 @@ def _is_wrong(one: Row, hidden: str) -> bool:
 
 def main() -> None:
     """Run what is missing in the file, or report what it holds."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--cases", type=Path, help="folder of measured records with answers.json")
     parser.add_argument("--hidden", nargs="*", default=HIDDEN, choices=HIDDEN)
     parser.add_argument("--seeds", type=int, default=24, help="simulated records of each")
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--table", type=Path)
     given = parser.parse_args()
     if not (given.report or given.table):

@@ -10,7 +10,6 @@ record is made by the independent simulator. What no physical size makes visible
 Runs go on where the file ends; no part of it is a test.
 """
 
-import argparse
 import sys
 import time
 from collections import defaultdict
@@ -23,7 +22,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from ambid import diagnose
-from benchmarks.grid import aligned, read_rows, run_all
+from benchmarks.grid import aligned, options, read_rows, run_all
 from benchmarks.rates import HEAD, is_right, rates
 from hidden.experiment import experiment_on
 from hidden.families import Bench
@@ -91,15 +90,13 @@ def report(lines: list[dict[str, Any]]) -> None:
 
 def main() -> None:
     """Run what is missing, or report."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
     parser.add_argument("--machines", type=int, default=12)
     parser.add_argument("--first", type=int, default=0)
     parser.add_argument("--sizes", nargs="*", choices=list(TARGETS), default=["clear"])
     parser.add_argument("--together", nargs="*", type=int, default=[], help="effects at a time, instead of each alone")
     parser.add_argument("--draws", type=int, default=6)
-    parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--report", action="store_true")
     parser.add_argument("--wrong", action="store_true", help="list what went wrong")
     given = parser.parse_args()
     if not (given.report or given.wrong):

@@ -10,7 +10,6 @@ of three and of ten tolerances. It goes on where it stopped.
 No part of the tests.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 import numpy as np
 
 from ambid import Record, Rig, diagnose, identify, prbs
-from benchmarks.grid import NORMAL_95, Row, rate_text, read_rows, run_all
+from benchmarks.grid import NORMAL_95, Row, options, rate_text, read_rows, run_all
 from hidden.families import BENCHES
 from hidden.sizes import sized
 from hidden.tolerances import TABLE, Machine, machine_off
@@ -138,13 +137,11 @@ def report(rows: list[Row]) -> None:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__, workers=1)
     parser.add_argument("out", type=Path)
     parser.add_argument("--identify", type=int, default=0)
     parser.add_argument("--aperiodic", type=int, default=0)
     parser.add_argument("--diagnose", type=int, default=0)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--report", action="store_true")
     given = parser.parse_args()
     if not given.report:
         run_all(run, jobs(given.identify, given.aperiodic, given.diagnose), given.out, given.workers)
