@@ -271,7 +271,7 @@ def _force_current(campaign: Campaign) -> Table:
             point.folder.name,
             axis,
             f"{point.bias_current(axis):g}",
-            *(_interval(point.force_current(method, axis)) for method in campaign.methods),
+            *(interval_text(point.force_current(method, axis)) for method in campaign.methods),
         )
         for point in campaign.points
         for axis in campaign.axes
@@ -340,7 +340,8 @@ def _over_runs(runs: Runs, name: str) -> tuple[str, str]:
     return "not identifiable" if value is None else f"{value:.5g}", "-" if rsd is None else f"{rsd:.2f}"
 
 
-def _interval(p: ParameterEstimate | None) -> str:
+def interval_text(p: ParameterEstimate | None) -> str:
+    """A value and its 95 % interval, short."""
     if p is None:
         return "-"
     if p.value is None or p.ci95 is None:

@@ -35,7 +35,7 @@ from ambid.checking.rig_slips import slips_of_rig
 from ambid.checking.signs import opposite_sign
 from ambid.checking.soundness import LoopFigures, RecordFigures, ResponseFigures, Soundness
 from ambid.errors import RecordError
-from ambid.findings import SEVERITIES, Finding, Kind, Where, has
+from ambid.findings import Finding, Kind, Where, has, worst_first
 from ambid.record import Record, Source, load_measurement
 from ambid.results import speed_text
 from ambid.rig import Rig, as_rig
@@ -116,8 +116,7 @@ def check(rig: Rig | str | Path, records: Source | Sequence[Source] = ()) -> Sou
         f"axes {', '.join(rig.axes)} at {rig.sample_rate:g} Hz, {speed_text(rig.speed)}, {implementation} controller"
     )
     findings += [own.at(record=response.name) for response in responses for own in response.findings]
-    ordered = sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
-    return Soundness(rig.name, machine, figures[rig], tuple(described), tuple(ordered), laws, listed)
+    return Soundness(rig.name, machine, figures[rig], tuple(described), tuple(worst_first(findings)), laws, listed)
 
 
 def _laws(record: Record, rig: Rig) -> tuple[Law, ...]:

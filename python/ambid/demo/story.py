@@ -8,8 +8,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from ambid.campaigns.result import interval_text
 from ambid.diagnosis import Diagnosis, compare, diagnose
-from ambid.identification import Estimate, ParameterEstimate, StaticEstimate, identify, static_load
+from ambid.identification import Estimate, StaticEstimate, identify, static_load
 from ambid.identification.tolerances import share_text
 from ambid.plot import plot_misfit_map, plot_ranking, plot_staircase, save_comparison, save_figure
 from ambid.record import Record, StaticLoading
@@ -129,7 +130,7 @@ def _validated(found: Diagnosis) -> str:
 def _both(estimate: Estimate, loading: StaticEstimate) -> str:
     lines = [f"{'':12s} {'closed-loop identification':>32s} {'static loading':>32s}"]
     for name, static in loading.parameters.items():
-        lines.append(f"{name:12s} {_interval(estimate.parameters[name]):>32s} {_interval(static):>32s}")
+        lines.append(f"{name:12s} {interval_text(estimate.parameters[name]):>32s} {interval_text(static):>32s}")
     return "\n".join(lines)
 
 
@@ -138,18 +139,12 @@ def _of_tolerances(exact: Estimate, uncertain: Estimate) -> str:
     name = next(iter(uncertain.parameters))
     verse = [
         "This bench is simulated, and its rig file says that every value is exact. Of a machine none is: with typical",
-        f"tolerances the same record gives {name} as {_interval(uncertain.parameters[name])} in place of",
-        f"{_interval(exact.parameters[name])}. What makes that variance:",
+        f"tolerances the same record gives {name} as {interval_text(uncertain.parameters[name])} in place of",
+        f"{interval_text(exact.parameters[name])}. What makes that variance:",
         f"   {share_text(uncertain.budget()[name])}",
         "A longer record makes noise less; for the rest, calibrate, weigh or measure what stands first.",
     ]
     return "\n".join(verse)
-
-
-def _interval(p: ParameterEstimate) -> str:
-    if p.value is None or p.ci95 is None:
-        return "not identifiable"
-    return f"{p.value:.2f} [{p.ci95[0]:.2f}, {p.ci95[1]:.2f}]"
 
 
 def _write(found: Diagnosis, out: Path) -> list[Path]:

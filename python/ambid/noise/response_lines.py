@@ -22,6 +22,7 @@ from ambid.loop.effect import Tone
 from ambid.model import Model
 from ambid.noise.chance import RESPONSE_SPREAD
 from ambid.noise.lines import White, as_lines
+from ambid.noise.whitener import whitened
 from ambid.record import FrequencyResponse
 from ambid.record.frequency_gates import known_alike
 
@@ -125,9 +126,7 @@ class ResponseLines:
 
     def whiten(self, lines: ComplexArray) -> FloatArray:
         """Numbers of shape (F, pairs) or (F, pairs, q), whitened, as real ones."""
-        white = self.whitening @ (lines if lines.ndim == 3 else lines[..., None])
-        flat = np.stack([white.real, white.imag], axis=2).reshape(self.numbers, white.shape[-1])
-        return flat if lines.ndim == 3 else flat[:, 0]
+        return whitened(self.whitening, lines)
 
     def simulated(self, here: Model) -> ComplexArray:
         """Response of a model, shape (F, outputs, inputs)."""
