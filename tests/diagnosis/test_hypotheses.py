@@ -99,7 +99,7 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     fit = compare(bench.rig, simulate(bench.rig, i_e, {}, period=bench.period, seed=1, **bench.truth, **bench.noise))
     ranking = Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ())
     yardstick = Yardstick(fit, None, {"loop_delay": 0.05} | {f"effect {k}": 0.05 for k in range(5)})
-    base, one = of(3e4), replace(of(0.0), kinds=(Kind("loop_delay", 1, 0),), information=np.eye(1) * 3e4, prior=3.0)
+    base, one = of(3e4), replace(of(0.0), kinds=(Kind(1, 0),), information=np.eye(1) * 3e4, prior=3.0)
     tried = {
         frozenset(effect.name for effect in added): Hypothesis(added, fit, None, 1.0, evidence)
         for added, evidence in (((), base), ((find("loop_delay"),), one))
@@ -108,24 +108,6 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     sure, nameless = probabilities(field), probabilities(field, 40.0, shape=300.0)
     assert nameless.something_else > 0.999
     assert nameless.effects["loop_delay"] < 0.85 < 0.9 < sure.effects["loop_delay"]
-
-
-@pytest.mark.parametrize("determined", [0.0, 0.1, 1.0, 10.0, 1e3])
-def test_what_the_records_do_not_determine_costs_nothing(determined):
-    """A second parameter of an effect, against the integral over its size, of either sign, within three decades."""
-    reach = DECADES * np.log(10.0)
-
-    def likelihood(log_size):
-        sizes = np.array([np.exp(log_size), -np.exp(log_size)])
-        return np.sum(np.exp(-0.5 * determined * (sizes - 1.0) ** 2))
-
-    expected = -np.log(quad(likelihood, -reach / 2.0, reach / 2.0, points=[0.0], limit=200)[0] / (2.0 * reach))
-    kind = Kind("loop_delay", 1, 0)
-    one = replace(of(0.0), kinds=(kind,), information=np.diag([1e4]))
-    both = replace(of(0.0), kinds=(kind, kind), information=np.diag([1e4, determined]))
-    assert both.price() - one.price() == pytest.approx(expected, abs=0.3)
-    other = replace(both, kinds=(kind, Kind("sensor_lag", 1, 0)))
-    assert other.price() - one.price() == pytest.approx(0.5 * np.log1p(determined) + kind.unknown)
 
 
 def test_a_wave_is_not_smooth():

@@ -9,9 +9,7 @@ Psi~ are the whitened slopes of the parameters of its effects, freed from what a
 effect that are of one kind, such as the gains of its sensors, are of one size, whose square is P: nothing is known of
 it but the three decades that it is within (Jeffreys' prior), and of its direction in their space but the signs that
 physics forbids, so that unknown(k) = log(D S_k / (2 pi)^(k/2)), with D the logarithm of the decades and S_k the surface
-of the unit sphere. An effect is there by its first kind, such as the level at which iron saturates; of its others only
-the part counts that the records determine, 1 less the variance after them in units of P (MacKay's gamma), and what they
-say nothing of is free. V is 1 where H leaves noise alone.
+of the unit sphere. V is 1 where H leaves noise alone.
 
 Something else changes the response as effects of the catalogue may, by any power: w_i are the eigenvalues, of the sum
 1, of the mean of the projectors on what each of them can do, so that few ways count where little is left, and more
@@ -50,21 +48,6 @@ from ambid.model import Model, Parameter
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual, known_slopes
 
-__all__ = [
-    "INEXACT",
-    "NAMELESS",
-    "OF_FORMULAS",
-    "SURE",
-    "DISTINCT",
-    "USUAL",
-    "Evidence",
-    "Yardstick",
-    "by_score",
-    "needed",
-    "posterior",
-    "price_of",
-]
-
 USUAL = 0.3
 """Effects that a machine has, on average, that its rig file does not hold."""
 NAMELESS = float(np.log(0.05))
@@ -98,7 +81,6 @@ def deviation(fit: Comparison) -> float:
 class Kind(NamedTuple):
     """Parameters of an effect that share their size: so many, some of which have one sign."""
 
-    effect: str
     numbers: int
     one_sided: int
 
@@ -148,19 +130,9 @@ class Evidence:
 
     def price(self, left: float = 1.0) -> float:
         """What the parameters of the effects and their number cost, where so much variance is left."""
-        precision = np.eye(len(self.information)) + self.information / left
-        _, log_det = np.linalg.slogdet(precision)
-        return float(0.5 * log_det) + self._unknown(precision) + self.beginnings / left + self.prior
-
-    def _unknown(self, precision: FloatArray) -> float:
-        """What the unknown sizes of all kinds cost, of each as far as it is determined."""
-        known, first, cost, names = 1.0 - np.diag(np.linalg.inv(precision)), 0, 0.0, set[str]()
-        for kind in self.kinds:
-            part = float(np.mean(known[first : first + kind.numbers])) if kind.effect in names else 1.0
-            cost += part * kind.unknown
-            first += kind.numbers
-            names.add(kind.effect)
-        return cost
+        _, log_det = np.linalg.slogdet(np.eye(len(self.information)) + self.information / left)
+        unknown = sum(kind.unknown for kind in self.kinds)
+        return float(0.5 * log_det) + unknown + self.beginnings / left + self.prior
 
     @property
     def alone(self) -> float:
@@ -206,7 +178,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         formula_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
-        kinds=(Kind("", degrees, one_sided),) if degrees else (),
+        kinds=(Kind(degrees, one_sided),) if degrees else (),
         prior=prior,
     )
 
@@ -226,7 +198,7 @@ def posterior(tried: Sequence[Evidence], ways: FloatArray) -> FloatArray:
 def price_of(score: float, degrees: int, one_sided: int, prior: float) -> float:
     """What an effect would cost beside a set, by its score."""
     precision = 0.5 * degrees * np.log(1.0 + max(0.0, score))
-    return float(precision + Kind("", degrees, one_sided).unknown + prior)
+    return float(precision + Kind(degrees, one_sided).unknown + prior)
 
 
 def needed(degrees: int, one_sided: int, prior: float) -> float:
@@ -285,7 +257,7 @@ class Yardstick:
             formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
             beginnings=self._beginnings(fits),
             information=_information(fit, kinds),
-            kinds=tuple(_kind([parameters[k] for k in own]) for own in kinds),
+            kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
             on_tones=on_tones,
             waves=waves,
@@ -405,11 +377,6 @@ def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int
         p = parameters[k]
         kinds.setdefault((p.name.partition(".")[0], p.unit, p.typical), []).append(k)
     return list(kinds.values())
-
-
-def _kind(parameters: Sequence[Parameter]) -> Kind:
-    one_sided = sum(p.lower >= 0.0 for p in parameters)
-    return Kind(parameters[0].name.partition(".")[0], len(parameters), one_sided)
 
 
 def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:

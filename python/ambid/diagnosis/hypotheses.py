@@ -112,13 +112,14 @@ class Field:
         return own.beside(self._left(own), self._lowest, self.ways.powers, shape, prior)
 
     def shown_by(self, hypothesis: Hypothesis) -> Shown:
-        """What the residual of a set shows of something else."""
-        return self.ways.shown(hypothesis.fit.noise.residual(hypothesis.fit.model), hypothesis.effects)
+        """What the residual of a set shows of something else, or of what its formulas leave."""
+        residual = hypothesis.fit.noise.residual(hypothesis.fit.model)
+        return self.ways.shown(residual, hypothesis.effects, self.left_by_formulas(hypothesis))
 
-    def beside_shown(self, own: Evidence, shown: Shown) -> float:
-        """The same beside something else of which a residual shows so much."""
+    def beside_shown(self, own: Evidence, shown: Shown, odds: float) -> float:
+        """Log evidence of a set beside something of such odds, of which its residual shows so much."""
         left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
-        return self.alone(own) + self._lowest.against - left.against + shown.odds + NAMELESS
+        return self.alone(own) + self._lowest.against - left.against + odds
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.

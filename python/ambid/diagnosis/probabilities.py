@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.diagnosis.evidence import INEXACT
+from ambid.diagnosis.evidence import INEXACT, NAMELESS
 from ambid.diagnosis.hypotheses import Field
 
 NEGLIGIBLE = 1e-4
@@ -127,16 +127,15 @@ def probabilities(
         if own.names & local:
             continue
         is_clean = not against or (clean is not None and clean <= own.names)
-        shown = field.shown_by(own)
-        beside = max(field.beside(own.evidence, shape), field.beside_shown(own.evidence, shown))
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
-        if (
-            is_clean
-            and field.is_of_formulas(own)
-            and (shown.odds < 0.0 or shown.explains < field.left_by_formulas(own))
-        ):
-            weighed.append((field.beside(own.evidence, prior=INEXACT), own.effects, False))
+        beside, shown = field.beside(own.evidence, shape), field.shown_by(own)
+        something_else = field.beside_shown(own.evidence, shown, shown.odds + NAMELESS)
+        if is_clean and field.is_of_formulas(own):
+            formulas = field.beside_shown(own.evidence, shown, shown.of_formulas + INEXACT)
+            formulas = max(formulas, field.beside(own.evidence, prior=INEXACT))
+            weighed += [(formulas, own.effects, False), (something_else, own.effects, True)]
         else:
+            beside = max(beside, something_else)
             weighed.append((beside, own.effects, True))
         weighed += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
     most = max(log for log, _, _ in weighed)
