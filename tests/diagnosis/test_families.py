@@ -65,9 +65,10 @@ def test_the_same_family_with_the_same_number_at_every_rate(alone):
 
 @pytest.mark.slow
 def test_all_rates_together_name_the_truth(delayed):
+    """A y that is read early delays the loop as much; where i_c is not recorded, nothing distinguishes them."""
     found = diagnose(delayed[0][0], [one for _, one in delayed])
-    assert found.verdict == "explained", found
-    assert found.effects == ("loop_delay",)
+    assert found.effects == ("loop_delay",), found
+    assert found.ambiguous_sets in ([], [["loop_delay", "sampling_skew"]])
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
 
 

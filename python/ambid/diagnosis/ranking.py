@@ -43,6 +43,8 @@ VISIBLE = 1e-4
 """Chance of a score that counts as visible, for one degree of freedom."""
 OWN = 1e-12
 """Part of the largest eigenvalue of probes' Gram matrix below which a direction is that of other probes."""
+ROUNDING = 1e-9
+"""Part of a response, and of noise, that counts as nothing once it is freed from what known parameters absorb."""
 NOT_APPLICABLE = Kind("effect_not_applicable", "note", "{reason}")
 """With the words of the effect itself, which may be a person's own, or of what could not be computed."""
 KNOWN_COMMAND = Kind(
@@ -259,9 +261,12 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
     if not tried:
         return None, np.zeros((0, 1)), why
     ends = np.cumsum([len(own) for own in changes])
-    rows = point.freed(np.concatenate(changes))
+    rows = np.concatenate(changes)
     changes.clear()
+    least = ROUNDING * np.maximum(1.0, np.linalg.norm(rows, axis=1))
+    rows = point.freed(rows)
     size = np.linalg.norm(rows, axis=1)
+    rows[size <= least], size[size <= least] = 0.0, 0.0
     rows /= _nonzero(size)[:, None]
     gram, called_for = rows @ rows.T, rows @ point.residual
     calls = []
