@@ -113,11 +113,31 @@ class Field:
 
     def shown_by(self, hypothesis: Hypothesis) -> Shown:
         """What the residual of a set shows of something else, or of what its formulas leave."""
-        residual = hypothesis.fit.noise.residual(hypothesis.fit.model)
-        return self.ways.shown(residual, hypothesis.effects, self.left_by_formulas(hypothesis))
+        if hypothesis.names not in self._shown:
+            residual = hypothesis.fit.noise.residual(hypothesis.fit.model)
+            may_leave = self.left_by_formulas(hypothesis)
+            self._shown[hypothesis.names] = self.ways.shown(residual, hypothesis.effects, may_leave)
+        return self._shown[hypothesis.names]
 
-    def beside_shown(self, own: Evidence, shown: Shown, odds: float) -> float:
-        """Log evidence of a set beside something of such odds, of which its residual shows so much."""
+    @cached_property
+    def _shown(self) -> dict[Names, Shown]:
+        """Of the sets that were asked for."""
+        return {}
+
+    def besides(self, hypothesis: Hypothesis, shape: float = 0.0, *, is_clean: bool = True) -> tuple[float, float]:
+        """Log evidence of a set beside what its formulas leave, and beside something else.
+
+        A set that leaves what is not clean has not left it by its formulas.
+        """
+        own, shown = hypothesis.evidence, self.shown_by(hypothesis)
+        something_else = self._beside_shown(own, shown, shown.odds + NAMELESS)
+        if not is_clean or not self.is_of_formulas(hypothesis):
+            return -np.inf, max(self.beside(own, shape), something_else)
+        of_formulas = self._beside_shown(own, shown, shown.of_formulas + INEXACT)
+        return max(self.beside(own, prior=INEXACT), of_formulas), something_else
+
+    def _beside_shown(self, own: Evidence, shown: Shown, odds: float) -> float:
+        """The same beside something of such odds, of which its residual shows so much."""
         left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
         return self.alone(own) + self._lowest.against - left.against + odds
 
@@ -174,10 +194,11 @@ class Field:
 
     def worth(self, hypothesis: Hypothesis) -> float:
         """Log evidence of a set, whatever is beside it."""
-        return self._worth(hypothesis.evidence, INEXACT if self.is_of_formulas(hypothesis) else NAMELESS)
+        return float(np.logaddexp.reduce([self.alone(hypothesis.evidence), *self.besides(hypothesis)]))
 
-    def _worth(self, own: Evidence, prior: float = NAMELESS) -> float:
-        return float(np.logaddexp(self.alone(own), self.beside(own, prior=prior)))
+    def _worth(self, own: Evidence) -> float:
+        """The same of a set that need not be fitted."""
+        return float(np.logaddexp(self.alone(own), self.beside(own)))
 
     def is_of_formulas(self, hypothesis: Hypothesis) -> bool:
         """Whether what a set leaves beyond noise is so little of what it explains that its formulas may leave it.

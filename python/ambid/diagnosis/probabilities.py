@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ambid.diagnosis.evidence import INEXACT, NAMELESS
 from ambid.diagnosis.hypotheses import Field
 
 NEGLIGIBLE = 1e-4
@@ -127,16 +126,10 @@ def probabilities(
         if own.names & local:
             continue
         is_clean = not against or (clean is not None and clean <= own.names)
+        of_formulas, something_else = field.besides(own, shape, is_clean=is_clean)
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
-        beside, shown = field.beside(own.evidence, shape), field.shown_by(own)
-        something_else = field.beside_shown(own.evidence, shown, shown.odds + NAMELESS)
-        if is_clean and field.is_of_formulas(own):
-            formulas = field.beside_shown(own.evidence, shown, shown.of_formulas + INEXACT)
-            formulas = max(formulas, field.beside(own.evidence, prior=INEXACT))
-            weighed += [(formulas, own.effects, False), (something_else, own.effects, True)]
-        else:
-            beside = max(beside, something_else)
-            weighed.append((beside, own.effects, True))
+        weighed += [(of_formulas, own.effects, False), (something_else, own.effects, True)]
+        beside = something_else if np.isinf(of_formulas) else field.beside(own.evidence, shape)
         weighed += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
     most = max(log for log, _, _ in weighed)
     total = sum(np.exp(log - most) for log, _, _ in weighed)
