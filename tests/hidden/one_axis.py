@@ -45,7 +45,7 @@ NAMELESS = {
     "cubic_bearing_force": {"coefficient": 1e15},
     "amplifier_dead_band": {"current": 0.001},
     "amplifier_asymmetry": {"fraction": 0.05},
-    "rate_softening": {"knee": 3e5},
+    "rate_softening": {"knee": 1e6},
 }
 """Of these it has none."""
 
