@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ambid.diagnosis.candidates import Ranking
-from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, Evidence, Yardstick
+from ambid.diagnosis.evidence import INEXACT, NAMELESS, OF_FORMULAS, SHAPE_OF_FORMULAS, Evidence, Yardstick
 from ambid.diagnosis.nameless import Shown, Ways
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
@@ -112,11 +112,10 @@ class Field:
         return own.beside(self._left(own), self._lowest, self.ways.powers, shape, prior)
 
     def shown_by(self, hypothesis: Hypothesis) -> Shown:
-        """What the residual of a set shows of something else, or of what its formulas leave."""
+        """What the residual of a set shows of something else."""
         if hypothesis.names not in self._shown:
             residual = hypothesis.fit.noise.residual(hypothesis.fit.model)
-            may_leave = self.left_by_formulas(hypothesis)
-            self._shown[hypothesis.names] = self.ways.shown(residual, hypothesis.effects, may_leave)
+            self._shown[hypothesis.names] = self.ways.shown(residual, hypothesis.effects)
         return self._shown[hypothesis.names]
 
     @cached_property
@@ -127,19 +126,19 @@ class Field:
     def besides(self, hypothesis: Hypothesis, shape: float = 0.0, *, is_clean: bool = True) -> tuple[float, float]:
         """Log evidence of a set beside what its formulas leave, and beside something else.
 
-        A set that leaves what is not clean has not left it by its formulas.
+        A set that leaves what is not clean has not left it by its formulas. What it has left by these, something else
+        may have done as well, as far as more is shown than they may leave.
         """
         own, shown = hypothesis.evidence, self.shown_by(hypothesis)
-        something_else = self._beside_shown(own, shown, shown.odds + NAMELESS)
-        if not is_clean or not self.is_of_formulas(hypothesis):
-            return -np.inf, max(self.beside(own, shape), something_else)
-        of_formulas = self._beside_shown(own, shown, shown.of_formulas + INEXACT)
-        return max(self.beside(own, prior=INEXACT), of_formulas), something_else
-
-    def _beside_shown(self, own: Evidence, shown: Shown, odds: float) -> float:
-        """The same beside something of such odds, of which its residual shows so much."""
+        if is_clean and self.is_of_formulas(hypothesis):
+            of_formulas = self.beside(own, prior=INEXACT)
+            is_measured = all(part.noise_is_measured for part in hypothesis.fit.noise.in_time)
+            share = OF_FORMULAS if is_measured else SHAPE_OF_FORMULAS
+            further = max(0.0, shown.beyond - self.left_by_formulas(hypothesis, share))
+            return of_formulas, of_formulas - INEXACT + NAMELESS + 0.5 * further
         left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
-        return self.alone(own) + self._lowest.against - left.against + odds
+        seen = self.alone(own) + self._lowest.against - left.against + shown.odds + NAMELESS
+        return -np.inf, max(self.beside(own, shape), seen)
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.
@@ -209,9 +208,9 @@ class Field:
         left = self.left_by_formulas(hypothesis)
         return bool(hypothesis.added) and left > 0.0 and hypothesis.evidence.beyond <= left
 
-    def left_by_formulas(self, hypothesis: Hypothesis) -> float:
-        """J that the formulas of a set may leave, of what it explains."""
-        return max(OF_FORMULAS * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
+    def left_by_formulas(self, hypothesis: Hypothesis, share: float = OF_FORMULAS) -> float:
+        """J that the formulas of a set may leave, such a share of what it explains."""
+        return max(share * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""

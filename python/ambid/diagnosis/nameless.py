@@ -19,14 +19,14 @@ from ambid.arrays import FloatArray
 
 DECADES = 3.0
 """Within so many decades is the size of an effect, or the power of something else, known before any record."""
+BEYOND = 2.0
+"""Standard deviations of J above a right model's from which on something is left."""
 UNRANKED = np.full(20, 0.05)
 """Powers where no effects were ranked."""
 OWN = 1e-9
 """Part of the largest eigenvalue below which a way is that of other effects."""
 POWERS = np.geomspace(1.0, 10.0**DECADES, 60)
 """Of something else, from the least on, at which it is judged."""
-AMPLITUDES = np.linspace(0.0, 1.0, 40)
-"""Of what formulas leave, over the most that they may."""
 MOST_POWER = 1e9
 """Beyond all that is measured."""
 
@@ -38,10 +38,8 @@ class Shown(NamedTuple):
     ----------
     odds : float
         Log of the odds for it against noise alone.
-    explains : float
-        J that it would explain.
-    of_formulas : float
-        Log of the odds for what formulas leave, whose power is known to be no more than stated.
+    explains, beyond : float
+        J that it would explain, and how much of that is beyond chance.
     power : float
         Of the residual in the ways of effects; noise alone has 1 on average in each.
     ways : int
@@ -50,7 +48,7 @@ class Shown(NamedTuple):
 
     odds: float = 0.0
     explains: float = 0.0
-    of_formulas: float = 0.0
+    beyond: float = 0.0
     power: float = 0.0
     ways: int = 0
 
@@ -83,7 +81,7 @@ class Ways:
         powers = np.maximum(np.linalg.eigvalsh(self._gram), 0.0) if len(self.rows) else np.zeros(1)
         return np.asarray(powers / powers.sum()) if powers.any() else UNRANKED
 
-    def shown(self, residual: FloatArray, known: Sequence[str], left_by_formulas: float = 0.0) -> Shown:
+    def shown(self, residual: FloatArray, known: Sequence[str]) -> Shown:
         """What the residual of a set of effects shows of something else, freed from what these absorb.
 
         With z the residual in the eigenvectors of K and w its eigenvalues, the log of the odds at the power s is
@@ -108,15 +106,13 @@ class Ways:
             shares = power[:, None] * powers
             return np.asarray(0.5 * np.sum(squares * shares / (1.0 + shares) - np.log1p(shares), axis=1))
 
-        def mean(powers: FloatArray) -> float:
-            return float(logsumexp(odds(powers)) - np.log(len(powers)))
-
         every = np.geomspace(1.0, MOST_POWER, 181)
         best = float(every[np.argmax(odds(every))])
         within = POWERS * max(1.0, best / np.sqrt(POWERS[-1]))
-        explains = float(squares @ (best * powers / (1.0 + best * powers)))
-        of_formulas = mean(left_by_formulas * AMPLITUDES**2)
-        return Shown(mean(within), explains, of_formulas, float(np.sum(squares)), len(squares))
+        odds_of_any = float(logsumexp(odds(within)) - np.log(len(within)))
+        parts = best * powers / (1.0 + best * powers)
+        explains, by_chance = float(squares @ parts), float(np.sum(parts) + BEYOND * np.sqrt(2.0 * np.sum(parts**2)))
+        return Shown(odds_of_any, explains, max(0.0, explains - by_chance), float(np.sum(squares)), len(squares))
 
 
 def of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:

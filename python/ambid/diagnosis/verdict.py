@@ -10,7 +10,7 @@ from scipy.special import chdtri
 
 from ambid.diagnosis.confirmation import Changing, changing, is_everywhere
 from ambid.diagnosis.drift import Change, largest_change
-from ambid.diagnosis.evidence import OF_FORMULAS, SURE
+from ambid.diagnosis.evidence import OF_FORMULAS, SHAPE_OF_FORMULAS, SURE
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
 from ambid.diagnosis.nameless import Shown
@@ -32,9 +32,6 @@ LIKELY = 0.5
 """Probability from which on something else is taken for granted."""
 EXCLUDED = 40.0
 """Log of the odds that a test has against noise alone whose chance is past all counting."""
-SHAPE_OF_FORMULAS = 0.05
-"""Part of what effects explain of records without periods that their formulas may leave as a shape: what stood in for
-friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6 to 1.7 %."""
 OTHER_AMPLITUDE = 0.2
 """Relative difference of the excitation's rms that makes it another amplitude."""
 
