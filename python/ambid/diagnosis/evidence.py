@@ -69,8 +69,8 @@ OF_FORMULAS = 0.015
 """Part of what effects explain that their formulas, which are idealised, may leave."""
 SHAPE_OF_FORMULAS = 0.05
 """Part of what effects explain of records without periods that their formulas may leave as a shape, or in the ways of
-effects: what stood in for friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6 to
-1.7 %."""
+effects: what stood in for friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6
+to 1.7 %."""
 NEAR, MOST_STEPS = 0.1, 20
 """Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
 
