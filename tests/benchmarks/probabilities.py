@@ -69,6 +69,7 @@ def run(population: str, number: int) -> Row:
         "effects": list(found.effects),
         "sets": [list(own) for own in found.ambiguous_sets],
         "misfits": [step.misfit for step in found.history],
+        "failed": [test.name for test in found.adequacy.failed()],
         "probabilities": found.probabilities.as_dict(),
         "of_sets": [own.as_dict() for own in found.probabilities.sets[:SETS]],
         "seconds": time.perf_counter() - begun,
@@ -189,6 +190,10 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     print(aligned(head, lines))
     print(f"{len(rows)} machines, {len(rows) - len(kept)} skipped or failed, {len(said)} statements")
     print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
+    for kind in ("nothing", "outside"):
+        own = [row for row in kept if row["kind"] == kind and not row["effects"]]
+        seen = ", ".join(f"{name} {sum(name in row['failed'] for row in own)}" for name in ("misfit", "ways"))
+        print(f"{kind} hidden and no effect named: {len(own)} machines; tests that the base model fails: {seen}")
     if table is not None:
         table.write_text(markdown(head, lines))
     if picture is not None:
