@@ -226,7 +226,7 @@ def test_every_key_of_the_results_is_told():
 def test_every_test_that_a_model_must_pass_is_told():
     shown = text("results.md").partition("## Tests that a model must pass")[2].partition("\n## ")[0]
     names = set(re.findall(r"^\| `(\w+)` \|", shown, re.MULTILINE)) - {"test"}
-    of_diagnosis = {"line", "drift", "validation"}
+    of_diagnosis = {"line", "drift", "validation", "ways"}
     assert names == INCONSISTENT.keys() | of_diagnosis
     assert all(f"``{name}``" in (Criterion.__doc__ or "") for name in names)
     made = Adequacy().beside(Criterion("power", 2.0, 10.0)).as_dict()[0]
