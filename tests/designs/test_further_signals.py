@@ -68,6 +68,7 @@ def test_a_record_without_a_signal_is_as_accurate_after_the_time_that_is_told(na
     )
 
 
+@pytest.mark.slow
 def test_a_wanted_accuracy_takes_less_time_and_a_signal_in_loud_noise_brings_nothing():
     wanted = {"K_i": "0.002%"}
     beside = design(TRUE, stated("b.A_zeta", "f.A_zeta"), accuracy=wanted, signal="multisine")

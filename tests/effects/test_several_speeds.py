@@ -46,7 +46,8 @@ def test_unbalance_is_named_from_two_speeds_together():
     assert not any(isinstance(effect, Unbalance) and effect.frequency_hz for effect in found.model.effects)
 
 
-@pytest.mark.parametrize("harmonic", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("harmonic", [1, 2])
 def test_runout_is_named_where_no_force_belongs_to_the_line(harmonic):
     hidden = {"sensor_runout": {"amplitude": [4e-7, 2e-7, 3e-7, 5e-7], "harmonic": harmonic, "phase": 0.7}}
     i_e = replace(BENCH, order=7, periods=5).excitation(BENCH.amplitude, 3)

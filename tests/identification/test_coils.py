@@ -78,6 +78,7 @@ def as_current(record):
     return replace(record, i_e=record.i_e / RESISTANCE)
 
 
+@pytest.mark.slow
 def test_a_coil_whose_voltage_is_commanded_is_told_from_an_amplifier_of_current_by_its_back_emf(of_voltage):
     assert identify(CURRENT.replace(tolerance={}), as_current(of_voltage)).misfit > 1e3
     found = diagnose(CURRENT.replace(tolerance={}), as_current(of_voltage))

@@ -64,8 +64,9 @@ def test_spreads_are_drawn_and_told():
         assert [row[f"drawn.{key}"] for key in own.drawn] == [truth.drawn[key] for key in own.drawn]
 
 
-@pytest.mark.parametrize("runs", [30, pytest.param(120, marks=pytest.mark.slow)])
-def test_values_that_are_known_to_a_tolerance_are_off_in_every_run(runs):
+@pytest.mark.slow
+def test_values_that_are_known_to_a_tolerance_are_off_in_every_run():
+    runs = 120
     own = plan(rig=RIG.replace(tolerance={}))
     for name, std in (("mass", 0.005), ("sensor_gain.A_zeta", 0.01)):
         drawn = np.array([own.of_run(run).drawn[name] for run in range(400)])
