@@ -10,7 +10,7 @@ from ambid import Model, compare, diagnose
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis
-from ambid.diagnosis.nameless import DECADES
+from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
 from ambid.effects import find
 from ambid.effects.support import MagneticPull
@@ -108,6 +108,36 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     sure, nameless = probabilities(field), probabilities(field, 40.0, shape=300.0)
     assert nameless.something_else > 0.999
     assert nameless.effects["loop_delay"] < 0.85 < 0.9 < sure.effects["loop_delay"]
+
+
+class WaysThatShow(Ways):
+    """Those in which so much of J stands, where a set leaves it."""
+
+    def shown(self, residual, known):
+        return Shown(odds=290.0, explains=640.0, beyond=600.0) if "loop_delay" in known else Shown()
+
+
+def test_what_something_else_takes_up_counts_once():
+    """What a wrong set leaves, within chance of all lines but in the ways of effects, is no more than the right one
+    takes: something else beside the wrong set is not likelier than the right set alone."""
+    bench = BENCHES["bench"]
+    i_e = bench.excitation(bench.amplitude, 1)
+    fit = compare(bench.rig, simulate(bench.rig, i_e, {}, period=bench.period, seed=1, **bench.truth, **bench.noise))
+    ranking = replace(Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ()), ways=WaysThatShow())
+    field = Field(Yardstick(fit, None, {"loop_delay": 0.05, "sensor_lag": 0.05}), {}, {frozenset(): ranking})
+    noise = {"kinds": (Kind(1, 0),), "information": np.eye(1) * 3e4, "prior": 3.0, "deviation": 247.0}
+    right, wrong = replace(of(0.0), **noise), replace(of(640.0), **noise)
+    sets = {(): replace(of(2e4), deviation=247.0), ("sensor_lag",): right, ("loop_delay",): wrong}
+    tried = {
+        frozenset(names): Hypothesis(tuple(find(name) for name in names), fit, None, 1.0, own)
+        for names, own in sets.items()
+    }
+    field = replace(field, tried=tried)
+    best, other = (tried[frozenset({name})] for name in ("sensor_lag", "loop_delay"))
+    assert field.is_of_formulas(best)
+    assert field.is_of_formulas(other)
+    assert max(field.besides(other)) < field.alone(best.evidence) - 10.0
+    assert field.best is best
 
 
 def test_a_wave_is_not_smooth():

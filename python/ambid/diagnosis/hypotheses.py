@@ -127,14 +127,14 @@ class Field:
         """Log evidence of a set beside what its formulas leave, and beside something else.
 
         A set that leaves what is not clean has not left it by its formulas. What it has left by these, something else
-        may have done as well, as far as more is shown than they may leave.
+        may have done as well, and what is shown beyond that and beyond what they may leave.
         """
         own, shown = hypothesis.evidence, self.shown_by(hypothesis)
         if is_clean and self.is_of_formulas(hypothesis):
             of_formulas = self.beside(own, prior=INEXACT)
             is_measured = all(part.noise_is_measured for part in hypothesis.fit.noise.in_time)
             share = OF_FORMULAS if is_measured else SHAPE_OF_FORMULAS
-            further = max(0.0, shown.beyond - self.left_by_formulas(hypothesis, share))
+            further = max(0.0, shown.beyond - max(self.left_by(hypothesis), self.left_by_formulas(hypothesis, share)))
             return of_formulas, of_formulas - INEXACT + NAMELESS + 0.5 * further
         left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
         seen = self.alone(own) + self._lowest.against - left.against + shown.odds + NAMELESS
