@@ -199,16 +199,14 @@ def taken(name: str, model: rs.Rotor) -> dict[str, np.ndarray]:
     return {f"{name}/{key}": value for key, value in own.items()} | {"speeds": np.array(speeds)}
 
 
+ROTORS = {"magnetic": rs.rotor_amb_example, "two disks": two_disks, "overhung": overhung, "tapered": tapered}
+"""What makes each rotor that is taken over."""
+
+
 if __name__ == "__main__":
-    rotors = {
-        "magnetic": rs.rotor_amb_example(),
-        "two disks": two_disks(),
-        "overhung": overhung(),
-        "tapered": tapered(),
-    }
     arrays: dict[str, np.ndarray] = {}
-    for label, its_model in rotors.items():
-        arrays |= taken(label, its_model)
+    for label, make in ROTORS.items():
+        arrays |= taken(label, make())
     np.savez_compressed(Path(__file__).with_name("ross_taken.npz"), **arrays)
     target = Path(__file__).with_name("ross_rotors.json")
     target.write_text(

@@ -82,7 +82,10 @@ class RotorOfRoss:
         return self.own["G"]
 
 
-@pytest.fixture(scope="module", params=["magnetic", "two disks", "overhung", "tapered"])
+NAMES = ["magnetic", "two disks", "overhung", "tapered"]
+
+
+@pytest.fixture(scope="module", params=NAMES)
 def pair(request):
     theirs = RotorOfRoss(request.param)
     taken = rotor_from_ross(theirs, flexible_modes=min(100, 2 * len(theirs.nodes_pos) - 2))
@@ -149,3 +152,19 @@ def test_the_unbalance_response_is_that_of_ross(pair, validated):
         relative(np.abs(found), np.abs(theirs.own["response"])),
         1e-3,
     )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_is_stored_is_what_ross_has(name):
+    pytest.importorskip("ross")
+    reference = pytest.importorskip("reference.ross_rotors")
+    live, stored = reference.ROTORS[name](), RotorOfRoss(name)
+    again = reference.taken(name, live)
+    for key in ("M", "K", "C", "G", "z", "bearing_K", "bearing_C"):
+        np.testing.assert_allclose(again[f"{name}/{key}"], stored.own[key], rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(again[f"{name}/response"], stored.own["response"], rtol=1e-6)
+    one, other = (rotor_from_ross(rotor, flexible_modes=4) for rotor in (live, stored))
+    assert [own.code for own in one.findings] == [own.code for own in other.findings]
+    assert one.support == other.support
+    one, other = (reduced_rotor(own, stored.nodes_pos.tolist()) for own in (one, other))
+    np.testing.assert_allclose(one.frequencies_rad_s, other.frequencies_rad_s, rtol=1e-9, atol=1e-3)
