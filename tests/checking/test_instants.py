@@ -17,6 +17,7 @@ from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS
+from tiers import first_fast
 
 ONE = pytest.approx(1.0, abs=0.02)
 LIKE_A_DELAY = {None, "loop_delay", "sensor_lag", "sampling_skew", "amplifier_voltage_limit", "back_emf"}
@@ -136,6 +137,43 @@ def test_a_transient_that_dies_away_over_periods_is_no_lost_sample():
     """A slow mode that still rings where the record is judged shifts its first periods against the others."""
     rig, record = made(884)
     assert not [found for found in check(rig, [record]).findings if stops_diagnosis(found)]
+
+
+def spindle(seed, read_late=0.0):
+    """Turning, out of balance and rubbed by a seal, under commands that are late by more than a sample; from rest."""
+    own = replace(BENCHES["compressor"], order=7, periods=4)
+    controller = own.rig.controller.model_copy(update={"delay_samples": 1.3})
+    rig = own.rig.replace(controller=controller, speed=942.5)
+    hidden = {
+        "unbalance": {"mass_eccentricity": 4e-6, "z": own.middle, "phase": 0.7},
+        "seal_forces": {"z": 0.0, "direct": 6e4, "cross": 1.1e5, "damping": 60.0},
+    }
+    if read_late:
+        hidden["sampling_skew"] = {"seconds": read_late / rig.sample_rate}
+    i_e = own.excitation(own.amplitude, seed)
+    return rig, simulate(rig, i_e, hidden, seed=seed, period=own.period, **own.truth, **own.noise)
+
+
+def instants(rig, record):
+    """Findings of when channels were read."""
+    codes = ("channel_delay", "current_ahead", "current_behind")
+    return [found for found in check(rig, record).findings if found.code in codes]
+
+
+@pytest.mark.parametrize("seed", first_fast(range(8)))
+def test_a_turning_rotor_that_begins_at_rest_tells_no_instant(seed):
+    """Its first period is a third transient, and turning puts a line between those that are excited."""
+    rig, record = spindle(seed)
+    first, last = record.y[: record.period], record.y[-record.period :]
+    assert (first - last).std() > 0.2 * last.std()
+    assert instants(rig, record) == []
+
+
+@pytest.mark.slow
+def test_and_it_tells_one_where_there_is_one():
+    (found,) = instants(*spindle(0, read_late=1.0))
+    assert found.code == "current_ahead"
+    assert found.values["advance_samples"] == pytest.approx(1.0, abs=0.1)
 
 
 SLOW = {

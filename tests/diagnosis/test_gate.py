@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 import ambid
+from ambid.checking import check
 from ambid.diagnosis import diagnose
 from ambid.diagnosis.messages import not_determined
 from ambid.effects import channels, find, slips
 from ambid.errors import RecordError
 from hidden.bench import simulate
 from hidden.families import BENCHES
+from tiers import first_fast
 
 TRUTH = BENCHES["bench"].truth
 
@@ -47,8 +49,7 @@ def test_too_few_periods(rig, measured):
 
 @pytest.mark.slow
 def test_controller_of_another_day_is_no_refusal(rig, measured):
-    pid = rig.controller
-    other = rig.replace(controller=pid.model_copy(update={"proportional": 1.3 * np.asarray(pid.proportional)}))
+    other = with_proportional(rig, 1.3)
     few = [*slips.EFFECTS, *channels.EFFECTS, find("loop_delay"), find("sensor_gain_error")]
     assert diagnose(other, loaded(other, measured), catalogue=few).effects == ("controller_gain_error",)
 
@@ -78,6 +79,35 @@ def test_clipped_channel_is_flagged(rig, measured):
     y[:, 0] = np.clip(y[:, 0], -limit, limit)
     with pytest.raises(RecordError, match="clip"):
         loaded(rig, measured, y=y)
+
+
+def turned(seed):
+    """Sensors that are turned against their magnets, and an integral of which a short record tells nothing."""
+    own = replace(BENCHES["compressor"], order=7, periods=4)
+    slow = own.rig.replace(controller=own.rig.controller.model_copy(update={"integral": 3e4}))
+    hidden = {"sensor_misalignment": {"degrees": [0.9, -0.5]}}
+    i_e = own.excitation(own.amplitude, seed)
+    return slow, simulate(slow, i_e, hidden, seed=seed, period=own.period, **own.truth, **own.noise)
+
+
+@pytest.mark.parametrize("seed", first_fast(range(6)))
+def test_sensors_that_are_turned_are_no_wrong_integral(seed):
+    rig, record = turned(seed)
+    assert not [found for found in check(rig, record).findings if found.where.record]
+    (wrong,) = check(with_proportional(rig, 1.3), record).errors
+    assert (wrong.code, set(wrong.values["factors"])) == ("gains_differ", {"proportional"})
+
+
+def with_proportional(rig, factor):
+    gain = factor * np.asarray(rig.controller.proportional)
+    return rig.replace(controller=rig.controller.model_copy(update={"proportional": gain}))
+
+
+@pytest.mark.slow
+def test_they_pass_the_gate_and_are_named():
+    few = [find(name) for name in ("sensor_misalignment", "controller_gain_error", "sensor_gain_error", "seal_forces")]
+    found = diagnose(*turned(0), catalogue=few)
+    assert (found.verdict, found.effects) == ("explained", ("sensor_misalignment",)), found
 
 
 def test_what_is_not_determined_is_named_by_its_direction(golden):

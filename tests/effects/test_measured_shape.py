@@ -75,6 +75,16 @@ def test_none_is_the_first_answer_and_the_note_has_the_shape(found):
     assert the(found, "missing_shape").values["shape"] == "sign ds/dt"
 
 
+def test_friction_that_has_no_name_is_told_as_a_shape_and_lags_stay_positive(records):
+    few = [effect for effect in NAMELESS if effect.name in ("loop_delay", "sensor_lag")]
+    found = ambid.diagnose(RIG, records[0], catalogue=few)
+    assert (found.verdict, found.effects) == ("none_of_the_candidates", ()), found
+    shown = the(found, "missing_shape").values
+    assert (shown["shape"].split()[0], shown["kind"]) == ("sign", "odd")
+    low, high = found.parameters["tau_e"].ci95
+    assert 0.0 < low < found.parameters["tau_e"].value < high
+
+
 def test_the_measured_shape_is_that_of_friction(force):
     shape = MeasuredShape.from_port(force)
     assert (shape.port, shape.over) == ("force", "v")

@@ -8,6 +8,7 @@ import pytest
 from ambid import Model, compare, identify
 from ambid.effects import find
 from hidden.bench import simulate
+from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
 
 RATE = ONE_AXIS.rig.sample_rate
@@ -68,3 +69,39 @@ def test_a_saved_model_is_fitted_in_the_same_noise(tmp_path):
     other = identify(with_wave(0.0), hummed())
     assert fit.noise_ceiling_percent == pytest.approx(other.noise_ceiling_percent, abs=0.02)
     assert fit.comparison.cost == pytest.approx(other.comparison.cost, rel=1e-3)
+
+
+SPINDLE = replace(BENCHES["small"], order=7)
+TURNING = SPINDLE.rig.replace(speed=2.0 * np.pi * 41.0)
+ECCENTRICITY = 4e-6
+"""Times mass [kg m]; without it J/dof is twelve."""
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """A record of a rotor of four axes that is out of balance."""
+    i_e = SPINDLE.excitation(SPINDLE.amplitude, 1)
+    hidden = {"unbalance": {"mass_eccentricity": ECCENTRICITY, "z": SPINDLE.middle, "phase": 0.7}}
+    own = {**SPINDLE.truth, **SPINDLE.noise}
+    return simulate(TURNING, i_e, hidden, seed=1, period=SPINDLE.period, **own)
+
+
+def with_unbalance(factor):
+    """As `Model.add` gives it, so many times too large."""
+    of = {"in_phase": factor * ECCENTRICITY * np.cos(0.7), "ahead": factor * ECCENTRICITY * np.sin(0.7)}
+    return Model(TURNING).add(replace(find("unbalance"), z=SPINDLE.middle), of)
+
+
+@pytest.mark.parametrize("factor", [1e-3, 6000.0])
+def test_an_unbalance_that_is_added_ends_at_its_size_with_the_ceiling_above_it(turning, factor):
+    fit = identify(with_unbalance(factor), turning)
+    found = np.hypot(*(fit.parameters[f"unbalance.{part}"].value for part in ("in_phase", "ahead")))
+    assert found == pytest.approx(ECCENTRICITY, rel=0.02)
+    assert fit.comparison.is_adequate
+    for channel, reached in fit.fit_percent.items():
+        assert reached < fit.noise_ceiling_percent[channel] + 0.5
+
+
+def test_the_ceiling_is_the_same_whatever_unbalance_a_model_has(turning):
+    ceilings = [compare(with_unbalance(factor), turning).noise_ceiling_percent for factor in (1.0, 6000.0)]
+    assert ceilings[1] == pytest.approx(ceilings[0], abs=0.3)

@@ -1,0 +1,51 @@
+"""Diagnoses of machines that are off from their rig files by ordinary tolerances: nothing is named for that."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ambid import diagnose, prbs
+from ambid.effects import find
+from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
+from hidden.tolerances import machine_off
+from tiers import first_fast
+
+FEW = [find(name) for name in ("loop_delay", "eddy_currents")]
+HIDDEN = [None, "eddy_currents", "loop_delay"]
+SIZES = {"eddy_currents": {"tau": 1.5e-5}, "loop_delay": {"seconds": 4e-5}}
+QUIET = {"sensor_noise": 30e-9, "current_noise": 2e-3}
+
+
+def diagnosed(own, seed, effect, i_e, period, sizes, noise, catalogue):
+    """The verdict, its effects, and by how many standard errors every K_i and K_s is off."""
+    machine = machine_off(own.rig, seed)
+    record = machine.record(i_e, seed, {effect: sizes[effect]} if effect else None, **own.truth, **noise)
+    found = diagnose(machine.known, replace(record, period=period), catalogue=catalogue)
+    truth = {f"{k}.{axis}": v for k in ("K_i", "K_s") for axis, v in zip(own.rig.axes, own.truth[k], strict=True)}
+    off = [(found.parameters[name].value - value) / found.parameters[name].std_error for name, value in truth.items()]
+    return found, np.abs(off)
+
+
+@pytest.mark.parametrize("effect", HIDDEN)
+@pytest.mark.parametrize("seed", first_fast(range(6)))
+def test_of_one_axis(seed, effect):
+    i_e = prbs(7, amplitude=0.2, hold=3, periods=6, seed=seed)
+    found, off = diagnosed(ONE_AXIS, seed, effect, i_e, 381, SIZES, QUIET, FEW)
+    assert found.verdict == ("explained" if effect else "adequate"), found
+    assert found.effects == ((effect,) if effect else ()), found
+    assert (off < 4.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("effect", [None, "seal_forces"])
+@pytest.mark.parametrize("seed", range(2))
+def test_of_four_axes(seed, effect):
+    own = replace(BENCHES["small"], order=7)
+    sizes = {"seal_forces": {"z": own.middle, "direct": 2e5, "cross": 1.5e5, "damping": 80.0}}
+    few = [find(name) for name in ("seal_forces", "eddy_currents", "sensor_position_error")]
+    found, off = diagnosed(own, seed, effect, own.excitation(own.amplitude, seed), own.period, sizes, own.noise, few)
+    assert found.verdict == ("explained" if effect else "adequate"), found
+    assert found.effects == ((effect,) if effect else ()), found
+    assert (off < 4.0).all()
