@@ -38,6 +38,17 @@ def test_of_one_axis(seed, effect):
     assert (off < 4.0).all()
 
 
+@pytest.mark.parametrize("seed", first_fast(range(4)))
+def test_errors_of_the_rig_file_are_found_beside_an_effect_where_no_period_is_noted(seed):
+    """The base model misses so much that it is fitted as if the rig file were exact; with the effect it need not be."""
+    i_e = prbs(8, amplitude=0.2, hold=2, periods=8, seed=seed)
+    sizes = {"loop_delay": {"seconds": 8e-5}}
+    found, off = diagnosed(ONE_AXIS, seed, "loop_delay", i_e, None, sizes, QUIET, FEW[:1])
+    assert found.effects == ("loop_delay",), found
+    assert found.fit.misfit < 1.1
+    assert (off < 4.0).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("effect", [None, "seal_forces"])
 @pytest.mark.parametrize("seed", range(2))

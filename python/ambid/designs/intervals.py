@@ -124,7 +124,7 @@ def prospect(model: Given, i_e: FloatArray, *, period: int, instruments: Instrum
     model = as_model(model)
     record = planned(model, i_e, period, instruments)
     known = model.with_tolerances()
-    return Prospect(foreseen(known.opened() if known.tolerances else model, [record], [instruments]), record.seconds)
+    return Prospect(foreseen(known.opened(), [record], [instruments]), record.seconds)
 
 
 def planned(model: Model, i_e: FloatArray, period: int, instruments: Instruments) -> Record:

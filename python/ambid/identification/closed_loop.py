@@ -257,7 +257,7 @@ def _likeliest(prepared: Prepared, max_evaluations: int, progress: Callable[[int
     if in_time and best.status in ("converged", "at_bound"):
         best = yield from way_around(rough, best, stable, in_time, sides, max_evaluations)
     free, limits = [*exact, *known], beside_known(sides, given, known)
-    model = given.opened() if known else given
+    model = given.opened()
     problem, best, comparison = yield from renewed(rough, best, model, free, limits, max_evaluations)
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
     missing = not is_known and comparison.misfit > comparison.bound

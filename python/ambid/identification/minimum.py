@@ -94,7 +94,7 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
     step : float
         Relative step at which the descent ends; `ROUGHLY` distinguishes rivals.
     """
-    fit = _descended(comparison, most, step)
+    fit = _descended(comparison.of(comparison.model.opened()), most, step)
     # so often are the angles of waves asked for anew, at the most, beside the parameters that change them
     for _ in range(3 if step < ROUGHLY and fit.waves_differ else 0):
         better = _descended(fit.with_own_angles(), most, step)

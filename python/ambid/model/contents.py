@@ -174,6 +174,8 @@ class Contents:
 
     def opened(self) -> Self:
         """Return the model whose loop has ports for all errors of known values, to be derived by them."""
+        if self.structure.is_open or not self.tolerances:
+            return self
         return self._made_of(replace(self.structure, is_open=True), self.parameters)
 
     def updated_rig(self) -> RigUpdate:

@@ -351,7 +351,7 @@ def compare(model: Given, records: Source | Sequence[Source]) -> Comparison:
 def _with_known_values(comparison: Comparison) -> Comparison:
     """The same with the values that are known to a tolerance where the records and the rig file together have them."""
     places = [i for i, p in enumerate(comparison.model.parameters) if p.prior is not None]
-    best = comparison.of(comparison.model.opened()) if places else comparison
+    best = comparison.of(comparison.model.opened())
     for _ in range(5 if places else 0):  # steps of Gauss and Newton to the errors of known values, at the most
         here, form = best.model, best.noise.quadratic(best.model, places)
         own = [here.parameters[i] for i in places]
