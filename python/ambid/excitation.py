@@ -1,7 +1,5 @@
 """Excitation currents i_e to be played on a machine: pseudo-random binary sequences and multisines."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

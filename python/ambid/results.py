@@ -1,7 +1,5 @@
 """Results as tables, in a notebook by themselves and for pandas, and as plain data for JSON."""
 
-from __future__ import annotations
-
 import importlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence

@@ -1,7 +1,5 @@
 """Symbols such as K_i, set with their subscripts: on a page, in a picture, in LaTeX."""
 
-from __future__ import annotations
-
 import re
 
 SYMBOLS = {"K_i": "K", "K_s": "K", "tau_e": "τ", "i_e": "i", "i_c": "i", "i_ref": "i"}

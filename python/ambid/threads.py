@@ -1,7 +1,5 @@
 """One thread for BLAS while we compute: on matrices of some thirty rows its threads only get in each other's way."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import cache, wraps
 from threading import Lock

@@ -1,7 +1,5 @@
 """How every file is written: whole or not at all."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """A campaign's folder: what lies in it, read and checked before the first identification."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A campaign over bias currents: K_i by closed-loop identification and static loading, K_s and tau_e with scatter."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path

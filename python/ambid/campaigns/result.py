@@ -1,7 +1,5 @@
 """Result of a campaign: what was found at each bias current, and its tables."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Tables of texts, as a campaign prints and publishes them: on a terminal, as .csv, for LaTeX."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Sequence

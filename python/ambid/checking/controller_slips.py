@@ -1,7 +1,5 @@
 """Does i_c follow from i_e and y through the rig's controller; if not, by which column, sign, unit or gain?"""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -8,8 +8,6 @@ the record by itself, so that what is wrong shows on its own side; both stay val
 What lies above the Nyquist frequency is neglected, which costs a per cent or two.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 from itertools import permutations, product
 

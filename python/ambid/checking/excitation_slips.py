@@ -1,7 +1,5 @@
 """Is the recorded excitation the one that drove the loop; without i_c, does y follow it as in the nominal loop?"""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

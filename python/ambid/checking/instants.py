@@ -1,7 +1,5 @@
 """Were y, i_c and i_e read at the instants that the file says, by one clock and without gaps?"""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

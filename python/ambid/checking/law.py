@@ -1,7 +1,5 @@
 """The law that a controller runs, found from its own recorded input and command, whatever the rig file says of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """The law that a recorded command follows against the rig's controller: where another explains it far better."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -4,8 +4,6 @@ Another machine and physics that takes force look alike in one record: both leav
 its size. What distinguishes them is the controller's equation, which physics in the machine leaves as it is.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

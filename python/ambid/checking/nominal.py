@@ -1,7 +1,5 @@
 """The rig's loop at its nominal values as responses on lines: closed, with its controller off, and the way to i_c."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import cached_property
 

@@ -4,8 +4,6 @@ Of a record with periods a slow ramp is seen by the means of its periods, whatev
 where a start from elsewhere has died away, they must go on at the same rate.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

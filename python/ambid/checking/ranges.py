@@ -1,7 +1,5 @@
 """Is a record of this rig at all, with displacements, currents and periods of a size that it can have?"""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

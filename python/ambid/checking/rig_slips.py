@@ -1,7 +1,5 @@
 """A rig against itself: the nominal loop is stable, and its magnets, places and sample rate make sense together."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

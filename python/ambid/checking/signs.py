@@ -1,7 +1,5 @@
 """Signals of the opposite sign, or in another unit, than the controller's equation or the machine shows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -5,8 +5,6 @@ Physics that the rig file does not know is no error; to find it is the work of a
 factor may be either: it is found here, and ranked there beside the physics.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

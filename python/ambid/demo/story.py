@@ -1,7 +1,5 @@
 """The whole story on data that come with the package."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """The best excitation for a purpose: accuracy of all parameters, a wanted accuracy of some, or sight of an effect."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

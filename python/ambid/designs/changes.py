@@ -1,7 +1,5 @@
 """What may be changed for another experiment: amplitude, length, channels, speed, bias current, controller gain."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass

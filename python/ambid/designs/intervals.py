@@ -1,7 +1,5 @@
 """What a record of a planned experiment would show: standard errors of the parameters, before anything is played."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any

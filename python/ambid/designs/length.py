@@ -1,7 +1,5 @@
 """How long an experiment lasts for a wanted accuracy, and how long without each of its further signals."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """What an excitation does to a machine before it is played: its peaks against gap, bias and the limits of a person."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any

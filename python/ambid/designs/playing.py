@@ -1,7 +1,5 @@
 """An excitation as a file to be played: `.csv` and `.mat` in ampere, `.wav` in parts of a stated full scale."""
 
-from __future__ import annotations
-
 import struct
 from io import BytesIO
 from pathlib import Path

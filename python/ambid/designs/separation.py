@@ -12,8 +12,6 @@ probabilities p_k now and the lambda_kj that it adds, no less than
 (Kolchinsky and Tracey, Entropy 19 (2017) 361, by Bhattacharyya's distance of normal densities of one covariance).
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace

@@ -7,8 +7,6 @@ taken for, another with the response phi~ explains the part rho^2 of it; the res
 distinguishes them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache

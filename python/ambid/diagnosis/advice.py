@@ -1,7 +1,5 @@
 """What to measure next, by what a verdict leaves open."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

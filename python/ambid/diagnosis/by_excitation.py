@@ -8,8 +8,6 @@ x from -1 to 1 over a few neighbouring lines: least squares, weighted by the out
 ``a_i + b_i x`` that the model lacks to each input, beside all others, as far as their sequences differ there.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property

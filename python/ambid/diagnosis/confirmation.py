@@ -8,8 +8,6 @@ their own reach the noise at every point, nothing else is missing there: what th
 changes from point to point, as the resistance of a coil does that warms, or the scale of a sensor that is not linear.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ What changes is louder than noise on the very lines that give the noise, and hid
 it is. So what is suspected is taken out of them by least squares, and all is whitened by what is left, and tried again.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Each named effect with its near twins: what shares a trait with it, and does nearly as well in its place."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The way from the base model to the best set, a step for each effect, with fit, misfit and what was moved."""
 
-from __future__ import annotations
-
 from ambid.diagnosis.hypotheses import Field, Hypothesis
 from ambid.diagnosis.moves import moved, standard_errors
 from ambid.diagnosis.refits import ranked, without

@@ -1,7 +1,5 @@
 """Where the model fails: frequency by channel by record, in which manner, at which port, and how it grows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """What a reader of a verdict must know beside it, as findings made from its facts."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 

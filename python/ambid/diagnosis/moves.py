@@ -1,7 +1,5 @@
 """After an effect was added: which parameters moved, by how many standard errors, and towards what."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

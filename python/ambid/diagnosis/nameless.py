@@ -5,8 +5,6 @@ the projector; K is the mean of all P. Something that has no name adds a random 
 residual, of which nothing is known of the power s but the decades that it is within from where it is seen.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property

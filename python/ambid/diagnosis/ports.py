@@ -6,8 +6,6 @@ where the missing physics acts; its needed signal, averaged over the periods, ag
 is measured beside the base parameters and taken anew.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial

@@ -1,7 +1,5 @@
 """Before an effect is added: the residual that would be left with it, by channel and band, without any refit."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Probabilities of sets, of effects, of nothing and of something else, by the evidence of all sets that were tried."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

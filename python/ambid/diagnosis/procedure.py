@@ -1,7 +1,5 @@
 """Name the missing effect: check that the data suffice, fit the base model, search, and report what was found."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 

@@ -11,8 +11,6 @@ Values that physics forbids are not taken: a column of one sign counts as half a
 Self and Liang, J. Am. Stat. Assoc. 82 (1987) 605, case 9.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace

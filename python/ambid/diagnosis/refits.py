@@ -1,7 +1,5 @@
 """Refits: an effect beside a set, a set at its best settings in the noise that it leaves, what is outside of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace

@@ -5,8 +5,6 @@ are added and refitted; a set is carried on as long as a further effect could ma
 set is then tried with each of its effects taken out, and replaced.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace

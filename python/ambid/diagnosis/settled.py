@@ -4,8 +4,6 @@ An effect is ranked at likely places and at frequencies as they were found. What
 hertz beside the truth leaves little of a small effect, and enough of a large one for others to be named beside it.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any

@@ -4,8 +4,6 @@ Back-EMF damps a levitator, a bending mode lies elsewhere, a seal carries. Such 
 with; what makes one stand is fitted instead, and evidence decides among these sets.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What stays the same during a diagnosis."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

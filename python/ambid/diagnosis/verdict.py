@@ -1,7 +1,5 @@
 """What a search came to: one of five verdicts, read off the probabilities, with the facts that it rests on."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """Effects of amplifier and controller, from measured displacement to coil current."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import pi

@@ -4,8 +4,6 @@ Named, they say that the record is wrong, and not what the model knows of the ma
 right: a scale that it reads, too, is `sensor_gain_error`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations

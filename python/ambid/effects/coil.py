@@ -1,7 +1,5 @@
 """Effects of the coil between the voltage of the amplifier and its current."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

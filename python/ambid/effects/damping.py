@@ -1,7 +1,5 @@
 """Effects of what damps the rotor beside the magnets: at rest, turning with it, or rubbing on it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Disturbances of known shape: what acts on the machine from outside, whether it is excited or not."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi

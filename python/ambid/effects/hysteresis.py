@@ -1,7 +1,5 @@
 """The rate-independent loop that dry friction and iron share."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from ambid.loop.assembly import Signal

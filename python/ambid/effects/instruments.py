@@ -1,7 +1,5 @@
 """Instruments that read further signals: gains and instants that are known to a tolerance, where channels need them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Each is an effect like those of the catalogue, whose parameters have a standard 
 [tolerance] in place of nothing known; where the catalogue has the same physics, the same equations serve both.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi

@@ -1,7 +1,5 @@
 """Effects of the magnets, from coil current to force: force law, iron, and what one axis does to the other."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial

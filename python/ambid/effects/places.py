@@ -1,7 +1,5 @@
 """Where along the shaft something may act that the rig file does not place, and how strongly it is probed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar

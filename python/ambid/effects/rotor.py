@@ -1,7 +1,5 @@
 """Effects of the rotor itself: how it bends, its inertia, its unbalance."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import pi

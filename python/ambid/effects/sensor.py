@@ -1,7 +1,5 @@
 """Effects in the displacement sensors and in the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType

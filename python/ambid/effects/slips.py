@@ -3,8 +3,6 @@
 Named, they say that the rig file is wrong, and not what the model knows of the machine.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Effects of what holds the rotor or the housing beside the magnets."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi

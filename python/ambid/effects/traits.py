@@ -1,7 +1,5 @@
 """What effects of one family share: the numbers on which records that cannot distinguish them still agree."""
 
-from __future__ import annotations
-
 from ambid.loop.effect import Trait
 
 LAG_OF_CURRENT = Trait("a lag", "between command and coil current", "s", "a lead")

@@ -1,7 +1,5 @@
 """Rigs with other values of some keys, such as a heavier rotor: what errors of known values make of a rig file."""
 
-from __future__ import annotations
-
 from typing import Any, TypeVar, cast
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Inputs at one frequency, and which of them turn with the rotor."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import partial
 from math import pi

@@ -1,7 +1,5 @@
 """``modelDescription.xml`` of a functional mock-up unit, FMI 2.0 and 3.0 for co-simulation."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator

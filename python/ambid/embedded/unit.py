@@ -3,8 +3,6 @@
 The latter is a zip of the description, the native library, and the former in its resources.
 """
 
-from __future__ import annotations
-
 import platform
 import sys
 import zipfile

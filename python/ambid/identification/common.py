@@ -11,8 +11,6 @@ covariance is ``cov(theta_p) - G C_p G' + G C G'``. That is the minimum of the s
 linearised where its fit ended, the parameters of the others eliminated.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

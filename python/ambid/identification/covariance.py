@@ -20,8 +20,6 @@ Identification, 2nd ed., section 9.5). S_f is a mean over neighbouring lines; si
 that, the residual is first taken back through the loop, where its noise is smooth.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -5,8 +5,6 @@ of a single magnet they do not, and a step moves its K_i and K_s by as much, in 
 done once more with the law in place of its slopes: how far the parameters move then, and whether J falls, decides.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A start from a record whose samples fade away, for fits that the edge of stability keeps from their optimum."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ in their covariance, which is as good as a fit to the records themselves where t
 distance, Malinvaud 1970); what is correlated with them moves with them.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol

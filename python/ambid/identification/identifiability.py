@@ -5,8 +5,6 @@ motion. So where not all is surely known, it is asked what the excitation alone 
 determine a parameter well is not asked about; near that limit, too, it is reported which side of it records are on.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

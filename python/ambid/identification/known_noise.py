@@ -5,8 +5,6 @@ and channels, means removed, and the inverse of J'J is the covariance of the par
 as a sensor's does, is not white in y: then the intervals of `identify` hold, and these do not.
 """
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Does K_i of a static loading depend on the load, as where iron saturates?"""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What every identification begins with: its records held against the model, what is free, and between which bounds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Fits in the noise of their own residual: ways around obstacles, such as the edge of stability, and likelier ends."""
 
-from __future__ import annotations
-
 from collections.abc import Generator, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where descents start: spread around the given values, inside the stable region; and which of their ends counts."""
 
-from __future__ import annotations
-
 from collections.abc import Generator
 from itertools import product
 

@@ -5,8 +5,6 @@ by the current and that by the place of the rotor: f = K_i i + K_s s. While inte
 zero, s is what the rotor bends between sensor and magnet, which is known for the deflection of `static_load` alone.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np

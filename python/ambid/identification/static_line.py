@@ -1,7 +1,5 @@
 """The line of current over force of a static loading, and what its interval rests on."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

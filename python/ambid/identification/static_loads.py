@@ -1,7 +1,5 @@
 """Static loading: K_i of every axis from known forces on the levitated rotor and the currents that carry them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Slips of people in static loadings: K_i far from its nominal value, in other units, or of the other bearing."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from itertools import permutations
 from typing import Any

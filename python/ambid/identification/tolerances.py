@@ -1,7 +1,5 @@
 """Values of the rig file known to a tolerance: what the records make of them, and what they add to intervals."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """A delay of commands that do not wait for samples, the feedback of an analog controller, and of rows of a record."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from math import comb, factorial

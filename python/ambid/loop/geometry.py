@@ -1,7 +1,5 @@
 """How forces at the magnets and displacements at the sensors reach the modal coordinates of the rotor."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache

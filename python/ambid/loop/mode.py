@@ -1,7 +1,5 @@
 """Eigenmodes of a closed loop: poles, what they move, and how parameters move them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

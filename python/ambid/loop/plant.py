@@ -1,7 +1,5 @@
 """The plant: rotor, amplifiers, actuators and magnets, from the commands i_ref to the outputs y and i_c."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Frequency response of a state space."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a model holds: a rig, what fills its Delta, the values of the parameters, and the errors of the rig file."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Self

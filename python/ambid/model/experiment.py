@@ -1,7 +1,5 @@
 """Experiments on a compiled loop: what drives it, its response from rest, and what an instrument would record."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

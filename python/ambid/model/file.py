@@ -1,7 +1,5 @@
 """Models as files: JSON with the rig, the effects, the parameters, and their covariance."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The model that is meant by a model, a rig, or the path of the file of either."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ambid.errors import ModelError

@@ -4,8 +4,6 @@ Sample rate, speed, bias current, air gap and controller may differ from record 
 bearings and sensors may not. K_i and K_s belong to a bias current and gap; all other parameters are the machine's.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 

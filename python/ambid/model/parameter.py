@@ -1,7 +1,5 @@
 """The uncertain numbers of a model: those of the base model, and those of effects."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase

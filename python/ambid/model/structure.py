@@ -1,7 +1,5 @@
 """What a model is made of beside its values: a rig, effects, and further operating points of the same machine."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -1,7 +1,5 @@
 """What records say of a rig file: the same rig, whose values that are known to a tolerance are those of a model."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

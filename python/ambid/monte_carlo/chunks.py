@@ -1,7 +1,5 @@
 """Rows on the disk: a folder of Parquet files, a chunk of runs each, that a stopped job goes on with."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from importlib.util import find_spec

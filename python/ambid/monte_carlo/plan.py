@@ -1,7 +1,5 @@
 """What a Monte Carlo does: the truth with its spreads, the experiment, and what is made of each record."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """Monte Carlo: runs made here or by an executor, sorted into chunks, and on from where it was stopped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import BrokenExecutor
 from contextlib import closing

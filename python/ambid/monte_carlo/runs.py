@@ -1,7 +1,5 @@
 """The runs of a plan: simulated, then identified or diagnosed, a row of plain numbers and words each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any

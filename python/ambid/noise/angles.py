@@ -5,8 +5,6 @@ was kept back determines it by all lines: the response to a wave turns with it, 
 and a parabola about its least.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The fit that noise allows: what a record repeats from period to period, and what it does not."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambid.arrays import FloatArray

@@ -1,7 +1,5 @@
 """What chance alone brings."""
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.special import chdtrc, chdtri, comb, gammaln
 

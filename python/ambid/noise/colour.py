@@ -1,7 +1,5 @@
 """How the loop shapes the noise of its sensors."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 
 import numpy as np

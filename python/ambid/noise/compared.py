@@ -1,7 +1,5 @@
 """One record against a model: fits, what is left, and noise, channel by channel."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any

@@ -4,8 +4,6 @@ What is divided by it is flat enough to be averaged over many lines (prewhitenin
 Analysis for Physical Applications, 1993, section 6.5).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambid.arrays import FloatArray

@@ -4,8 +4,6 @@ Periods show by themselves what does not repeat. Without them the noise is one s
 changes on the way is taken for even noise, which it is not.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 

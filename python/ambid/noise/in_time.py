@@ -6,8 +6,6 @@ state of that loop the lead is shorter; exact enough where responses are compare
 rest, its first periods are simulated as they were, until they repeat.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

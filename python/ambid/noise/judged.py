@@ -1,7 +1,5 @@
 """The lines of a record that are judged: what was measured on them, what drives them, and which tones stand there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 

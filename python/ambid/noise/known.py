@@ -11,8 +11,6 @@ bands of lines, so that N numbers are only W witnesses of it, and its size is fi
 ``r'r/V``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ what is left of a transient, is then no noise: S is what a local regression on b
 System Identification: A Frequency Domain Approach, 2nd ed., chapter 7).
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 

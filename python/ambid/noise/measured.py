@@ -1,7 +1,5 @@
 """A record in the frequency domain, before any model."""
 
-from __future__ import annotations
-
 from functools import cached_property
 from typing import Any
 

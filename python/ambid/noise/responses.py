@@ -1,7 +1,5 @@
 """Measured frequency responses beside those of models, such as before and after an effect: the numbers of a figure."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Shapes of noise over frequency, which lines are freed from before they are averaged."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

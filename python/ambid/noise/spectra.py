@@ -2,8 +2,6 @@
 excitation that repeats, else from what follows neither the excitation nor a transient.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What transients can look like on lines: orthonormal bases, and what is free from them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

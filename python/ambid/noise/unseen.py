@@ -8,8 +8,6 @@ excitation cannot follow a function of the motion that the excitation brings. An
 a step moves a machine for a small part of a record, where what is missing stands out, and is lost over all of it.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, rfft

@@ -1,7 +1,5 @@
 """What waves of single frequencies are on the lines of a record."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

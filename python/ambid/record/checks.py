@@ -1,7 +1,5 @@
 """Gates that every record passes: each refuses with what was found and what to do, or returns findings."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a file of a record holds, before anything is made of it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Tables of text: quotes, comments and units above them, decimal commas, and columns that hold no numbers."""
 
-from __future__ import annotations
-
 import codecs
 import csv
 import re

@@ -1,7 +1,5 @@
 """What drives a record: the reference, the excitation, logged, applied or rebuilt, its period, what is mended by it."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

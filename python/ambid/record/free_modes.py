@@ -1,7 +1,5 @@
 """What the states of a controller held when a record began: its free response, separated from an excitation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Lines that say nothing are taken out, with a finding that says which.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """The file formats of frequency responses, CSV, MATLAB and Universal File Format 58, read into named arrays."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The gates that a record passes when it is loaded, in their order."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Records in HDF5 files, those of MATLAB v7.3 among them: only what is asked for is read, and no link is left."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path

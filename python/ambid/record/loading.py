@@ -1,7 +1,5 @@
 """What a record is made of, as its file has it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

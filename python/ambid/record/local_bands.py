@@ -8,8 +8,6 @@ lowest band is taken with its mirror image, so that as many lines give a polynom
 has the poles of three modes, or of integrators.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -13,8 +13,6 @@ In each H is given at the lines next to the four points of Gauss's quadrature, w
 independent of each other if the lines are excited alike: so all that the band shows of H is given, and nothing twice.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 

@@ -3,8 +3,6 @@
 Measurements that are given twice, by whatever name, are found by their content, since both would be counted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import islice

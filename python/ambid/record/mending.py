@@ -6,8 +6,6 @@ drift, hum and a transient that dies away are none. A sample that stands out by 
 loop would have answered.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the columns of a frequency response table hold, by their names, and complex values in Hz from it."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Signals out of the arrays of a file that keeps to the names and units of a record."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The file formats of records, CSV, MATLAB (v5 and v7.3), HDF5, Parquet and TDMS, read into named arrays."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 from collections import Counter

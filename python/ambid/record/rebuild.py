@@ -1,7 +1,5 @@
 """The excitation i_e of a record where it was not logged, from the recorded command or current and the controller."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 

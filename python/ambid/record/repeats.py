@@ -4,8 +4,6 @@ There the period is found from the parts that repeat. A sample that differs from
 which agree, is wrong; where all that follows comes earlier or later by whole samples, rows were lost or repeated.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Tables of frequency responses in text: real and imaginary part, or magnitude and phase, as analysers write them."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

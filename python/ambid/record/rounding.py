@@ -1,7 +1,5 @@
 """Steps that the values of a channel are in: what the converter, or the digits of a file, left of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ambid.arrays import FloatArray

@@ -1,7 +1,5 @@
 """The std of a frequency response whose file states none: from coherence, or from its scatter about a smooth curve."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

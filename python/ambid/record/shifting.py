@@ -1,7 +1,5 @@
 """Signals of a record moved in time, by parts of a sample too."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from math import ceil

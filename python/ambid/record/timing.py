@@ -1,7 +1,5 @@
 """Channels of a file that states when each of them began, put side by side at common instants."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Units as instruments write them, and the factors that make SI units of them."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

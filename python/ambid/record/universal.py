@@ -1,7 +1,5 @@
 """Frequency responses of Universal Files: sets 58, in the units of set 164 or of their labels."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Signals and frequency responses written to file formats that `ambid.record` reads, with the names they have there."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path

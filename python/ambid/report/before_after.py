@@ -1,7 +1,5 @@
 """Measured against simulated, before and after, record by record, those for validation among them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The story of a diagnosis, chapter by chapter, as the page shows it."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable, Sequence
 from datetime import datetime
 from importlib.metadata import version

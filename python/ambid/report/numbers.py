@@ -1,7 +1,5 @@
 """What a diagnosis does not hold: the model before, standard errors, units, figures of the rig, and files read."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The story of a diagnosis as one self-contained file, for reading, printing and passing on."""
 
-from __future__ import annotations
-
 import importlib
 import logging
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Commented rig files to begin from, one a kind of machine."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from textwrap import wrap

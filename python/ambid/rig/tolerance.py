@@ -4,8 +4,6 @@ Each typical value is a type B evaluation in the sense of the GUM (JCGM 100:2008
 knowledge of the instrument, not from repeated observation.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Annotated
 

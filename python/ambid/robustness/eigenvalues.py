@@ -1,7 +1,5 @@
 """Where the poles of a loop are: of the plant alone, of the closed loop, and how sure the latter are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Exact peaks of the sensitivity over frequency: what margins are made of."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

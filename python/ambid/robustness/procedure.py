@@ -1,7 +1,5 @@
 """Margins of a model, nominal and under the uncertainty of its parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

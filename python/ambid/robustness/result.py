@@ -1,7 +1,5 @@
 """Margins of a loop: peaks of its sensitivity, their zones after ISO 14839-3, and how sure they are."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from math import atan, degrees, inf, log10
 from typing import Any

@@ -1,7 +1,5 @@
 """The sensitivity S of a model's loop, broken at one place, over frequency, and its exact slopes by the parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Literal
 

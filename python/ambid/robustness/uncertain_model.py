@@ -1,7 +1,5 @@
 """The uncertain model: G, the Delta of uncertain numbers around it, and the controller that closes the loop."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

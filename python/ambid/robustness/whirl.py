@@ -1,7 +1,5 @@
 """Natural frequencies of the closed loop over the speed of rotation, with the direction of their whirl."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -3,8 +3,6 @@
 Matrices are held against what the reduction relies on: two equal planes, G skew-symmetric.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

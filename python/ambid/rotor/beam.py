@@ -5,8 +5,6 @@ and laid into both. Source: Friswell, Penny, Garvey and Lees, "Dynamics of Rotat
 Nelson, "A finite rotating shaft element using Timoshenko beam theory", J. Mech. Design 102 (1980) 793-803.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

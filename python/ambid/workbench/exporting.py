@@ -1,7 +1,5 @@
 """A session as a script, a model file and a report: what a person takes away from the page."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from tempfile import TemporaryDirectory
 

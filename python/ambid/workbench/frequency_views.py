@@ -1,7 +1,5 @@
 """What the page shows over frequency, as plain data: lines, responses, the misfit matrix, and what would be left."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from threading import Lock
 from typing import Any

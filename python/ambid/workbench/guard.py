@@ -4,8 +4,6 @@ Another page in the same browser can send requests to 127.0.0.1; it knows neithe
 `Origin`, which the browser writes. A name that an attacker points at 127.0.0.1 is not among the hosts.
 """
 
-from __future__ import annotations
-
 import secrets
 
 from starlette.datastructures import Headers

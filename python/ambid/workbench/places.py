@@ -3,8 +3,6 @@
 Of long signals every pixel shows the smallest and the largest sample, so that no peak is lost.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

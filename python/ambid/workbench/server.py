@@ -1,7 +1,5 @@
 """The page's calls, as JSON: each is one method of a session, or a view of it."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Awaitable, Callable
 from importlib.resources import files

@@ -1,7 +1,5 @@
 """The server on this machine alone, and the browser that opens its page."""
 
-from __future__ import annotations
-
 import secrets
 import socket
 import webbrowser

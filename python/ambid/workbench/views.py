@@ -1,7 +1,5 @@
 """What the page shows of a session, as plain data: every number is made here or below, none on the page."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Browser windows, each with a session of its own: what is done in one leaves the others as they are."""
 
-from __future__ import annotations
-
 import secrets
 from collections import OrderedDict
 from collections.abc import Callable
