@@ -19,11 +19,11 @@ def at_truth():
 
 @pytest.mark.parametrize(("bias", "strength"), [(0.01, 0.0), (0.0, 0.01), (0.01, -0.02)])
 def test_the_force_of_magnets_that_differ_is_the_even_part_of_the_square_law(bias, strength):
-    model = ambid.Model(RIG).add("bias_asymmetry", {"bias": bias, "strength": strength})
+    """With K_i and K_s of the machine, not those of the rig file."""
+    model = at_truth().add("bias_asymmetry", {"bias": bias, "strength": strength})
     found = model.watching(["f", "i_f", "s"]).simulate(model.theta, ONE_AXIS.excitation(0.05))
     f, i, s = found[:, 2:5].T
-    (bearing,) = RIG.bearings
-    (k_i,), (k_s,), i_0 = bearing.force_current, bearing.force_displacement, bearing.bias_current
+    (k_i,), (k_s,), i_0 = ONE_AXIS.K_i, ONE_AXIS.K_s, RIG.bearings[0].bias_current
 
     def law(u, x):
         pull = (1.0 + strength) * ((1.0 + bias + u) / (1.0 - x)) ** 2
@@ -33,7 +33,7 @@ def test_the_force_of_magnets_that_differ_is_the_even_part_of_the_square_law(bia
     u, x = i / i_0, s * k_s / (i_0 * k_i)
     even = 0.5 * (law(u, x) + law(-u, -x)) - law(0.0, 0.0)
     beyond = f - k_i * i - k_s * s
-    assert np.abs(beyond - even).max() < 1e-3 * np.abs(even).max()  # K_s is that of the rig file, and a^2 of it more
+    assert np.abs(beyond - even).max() < 1e-3 * np.abs(even).max()  # a^2 of K_s is more
 
 
 def test_a_reading_that_is_bent_is_the_physics_that_it_says():

@@ -8,11 +8,10 @@ from typing import Self
 import numpy as np
 from scipy.optimize import nnls
 
-from ambid.arrays import FloatArray
 from ambid.effects.hysteresis import drawn_along, gradual
 from ambid.effects.places import of_two_axes
 from ambid.effects.traits import CURVATURE, LAG_OF_READING, LAG_ROUND_LOOP
-from ambid.loop.assembly import combine
+from ambid.loop.assembly import Signal, combine
 from ambid.loop.effect import Effect, EffectParameter, OneProbe, Seen, Trait
 from ambid.loop.plant import SENSED, Plant
 from ambid.rig import Rig
@@ -23,8 +22,8 @@ it so, the lower one were all but off."""
 ABOUT_REST = 0.02
 """Part of the bias within which a mean current says nothing of a weight: it may be stated about that which holds it."""
 
-REACH = (1.5, 0.7)
-"""Currents over the bias, displacements over i0 K_i/K_s, up to which the force of magnets that differ is tabulated."""
+APART = 0.02
+"""Of the bias, of two currents whose forces differ by their slope; any would do, unless a magnet carries none."""
 BIAS_RATIO = "nu: bias current of the rig file over the effective one"
 
 
@@ -186,7 +185,6 @@ class BiasAsymmetry(_Law):
     )
     signature = "even: twice the frequency of what drives it, and a mean that grows with the square of the amplitude"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, section 4.1"
-    formula_error = 0.03  # K_i and K_s in it are those of the rig file: of 10 % in i0 K_i/K_s so much is left
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Relative difference of the biases, and of the strengths, of opposed magnets."""
@@ -197,20 +195,24 @@ class BiasAsymmetry(_Law):
         ]
 
     def attach(self, plant: Plant) -> None:
-        """On every axis, with K_i and K_s of the rig file."""
-        stiffness = [k_s for bearing in plant.rig.bearings for k_s in bearing.force_displacement]
-        for axis, (bias, _, k_i), k_s in zip(plant.axes, _of_axes(plant.rig), stiffness, strict=True):
-            signals, units = [plant[f"i_f.{axis}"], plant[f"s.{axis}"]], (bias, bias * k_i / k_s)
-            reach = [part * unit for part, unit in zip(REACH, units, strict=True)]
-            for name, power in (("bias", 1), ("strength", 2)):
-                own = partial(_even, power=power, units=units, force=bias * k_i)
-                plant.inject(f"f.{axis}", plant.table(own, signals, reach, self.slot(name), nodes=81))
+        """On every axis. The force being square in the current, g1 is a difference of two forces, and g2 the sum of
+        what either magnet does alone."""
+        for axis, (bias, *_) in zip(plant.axes, _of_axes(plant.rig), strict=True):
+            law = partial(_square_law, plant, axis, bias)
+            by_bias = (law(held=APART * bias) - law(held=-APART * bias)) / (2.0 * APART)
+            by_strength = 0.5 * (law(single=True) + law(sign=-1.0, single=True))
+            for name, force in (("bias", by_bias), ("strength", by_strength)):
+                plant.inject(f"f.{axis}", plant.port(self.slot(name), force))
 
 
-def _even(i: FloatArray, s: FloatArray, power: int, units: tuple[float, float], force: float) -> FloatArray:
-    """What the square law has that is even, by the half difference of two biases, or of two strengths."""
-    u, x = i / units[0], s / units[1]
-    return np.asarray(force / (2 * power) * (((1 + u) ** power / (1 - x) ** 2 + (1 - u) ** power / (1 + x) ** 2) - 2.0))
+def _square_law(
+    plant: Plant, axis: str, bias: float, *, sign: float = 1.0, held: float = 0.0, single: bool = False
+) -> Signal:
+    """What the square law has beyond ``K_i i + K_s s``, of a pair about a held current or of a single magnet."""
+    signals = [sign * plant[f"i_f.{axis}"], sign * plant[f"s.{axis}"]]
+    slots = {"K_i": f"K_i.{axis}", "K_s": f"K_s.{axis}"}
+    constants = {"nu": 1.0, "bias": bias, "held": held}
+    return plant.block("force_law", signals, slots, constants, curve="unsaturated", single=single)
 
 
 @dataclass(frozen=True)
