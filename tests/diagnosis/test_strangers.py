@@ -3,15 +3,16 @@
 import pytest
 
 from ambid import diagnose
+from ambid.effects import find as effect
 from hidden.experiment import experiment_on
 from hidden.sizes import TARGETS, find
 from hidden.strangers import stranger
 
 
-def diagnosed(machine, hidden, size):
+def diagnosed(machine, hidden, size, **options):
     bench = stranger(machine)
     rig, train, validate, _ = experiment_on(bench, {hidden: find(hidden, TARGETS[size], bench)}, machine)
-    return diagnose(rig, train, validate=validate)
+    return diagnose(rig, train, validate=validate, **options)
 
 
 @pytest.mark.slow
@@ -32,3 +33,21 @@ def test_a_large_effect_is_named_alone(machine, hidden):
 def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     """Of what these two would leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     assert diagnosed(43, "coulomb_friction", "clear").effects == ("coulomb_friction",)
+
+
+@pytest.mark.slow
+def test_damping_that_turns_is_no_seal_at_the_same_place():
+    """Seven centimetres from where both are looked for, and a seal whose cross stiffness is the speed times its damping
+    leaves as little; it has three numbers for one."""
+    few = [effect(name) for name in ("internal_damping", "seal_forces", "sensor_misalignment", "external_damping")]
+    found = diagnosed(910, "internal_damping", "clear", catalogue=few)
+    assert (found.verdict, found.effects) == ("explained", ("internal_damping",)), found
+    assert found.probabilities.effects["internal_damping"] > 0.95
+
+
+@pytest.mark.slow
+def test_magnets_that_differ_are_named_though_k_i_is_a_tenth_off_in_the_rig_file():
+    few = [effect(name) for name in ("bias_asymmetry", "flux_saturation", "sensor_nonlinearity", "command_saturation")]
+    found = diagnosed(910, "bias_asymmetry", "clear", catalogue=few)
+    assert (found.verdict, found.effects) == ("explained", ("bias_asymmetry",)), found
+    assert found.model["bias_asymmetry.bias"].value == pytest.approx(0.05, abs=0.002)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import chain, zip_longest
+from typing import Any
 
 import numpy as np
 
@@ -216,7 +217,10 @@ def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
 
 
 def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
-    """What acts as an effect of a set does, in its place, if it may win; what shares a trait, if it explains half."""
+    """What acts as an effect of a set does, in its place, if it may win; what shares a trait, if it explains half.
+
+    Where that effect was moved along the shaft, or to another frequency, so is what takes its place.
+    """
     best = field_.tried[names]
     for effect in best.added:
         rest = names - {effect.name}
@@ -225,14 +229,23 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
         before = field_.tried[rest]
         mine = traits_of(effect, best.fit.model).keys()
         for c in field_.rankings[rest].candidates:
-            if c.effect.name in names or rest | {c.effect.name} in field_.tried:
+            there = _where_it_is(c, effect)
+            if c.effect.name in names or (there is c and rest | {c.effect.name} in field_.tried):
                 continue
             is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
             explains = is_twin and ERR * c.score > 0.5 * field_.left_by(before)
             acts_alike = is_twin or effect.name in c.confusable_with
             if explains or (acts_alike and _may_win(task, field_, before, c)):
                 with suppress(ModelError):
-                    yield (field_ := added(task, field_, rest, c))
+                    yield (field_ := added(task, field_, rest, there))
+
+
+def _where_it_is(candidate: Candidate, effect: Effect) -> Candidate:
+    """A candidate at the settings of an effect that it has too, such as a place; itself where it was judged there."""
+    mine: Any = candidate.effect
+    settings = {name: getattr(effect, name) for name in mine.fine if name in effect.fine}
+    moved = {name: here for name, here in settings.items() if here is not None and here != getattr(mine, name)}
+    return replace(candidate, effect=replace(mine, **moved), near=()) if moved else candidate
 
 
 def traits_of(effect: Effect, model: Model) -> Mapping[Trait, float]:
