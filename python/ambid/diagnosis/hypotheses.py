@@ -209,8 +209,10 @@ class Field:
         return bool(hypothesis.added) and left > 0.0 and hypothesis.evidence.beyond <= left
 
     def left_by_formulas(self, hypothesis: Hypothesis, share: float = OF_FORMULAS) -> float:
-        """J that the formulas of a set may leave, such a share of what it explains."""
-        return max(share * self.without_physics(hypothesis).beyond, self.of_formulas(hypothesis.evidence))
+        """J that the formulas of a set may leave, such a share of what it explains and of what it leaves."""
+        own = hypothesis.evidence
+        explains = self.without_physics(hypothesis).cost - own.cost
+        return max(share * (explains + own.beyond), self.of_formulas(own))
 
     def without_physics(self, hypothesis: Hypothesis) -> Evidence:
         """The disturbances of a set alone, which have lines of their own; the base model where that was not tried."""
