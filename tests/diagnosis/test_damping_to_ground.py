@@ -41,8 +41,7 @@ def test_an_effect_whose_size_a_record_does_not_tell_explains_nothing(levitator)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("machine", ["small", "bench"])
+@pytest.mark.parametrize(("machine", "seed"), [("small", 0), ("bench", 1)])
 def test_that_of_a_rotor_is_no_seal_no_saturation_and_no_mode(machine, seed):
     """Of 2.5 1/s times the mass matrix; what once had its name, three together, is among the candidates."""
     own = replace(BENCHES[machine], order=7)
