@@ -2,7 +2,7 @@
 
 import pytest
 
-from ambid import diagnose
+from ambid import Model, compare, diagnose
 from ambid.effects import find as effect
 from hidden.experiment import experiment_on
 from hidden.sizes import TARGETS, find
@@ -33,6 +33,20 @@ def test_a_large_effect_is_named_alone(machine, hidden):
 def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     """Of what these two would leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     assert diagnosed(43, "coulomb_friction", "clear").effects == ("coulomb_friction",)
+
+
+def test_friction_that_would_make_the_loop_unstable_where_it_sticks_is_followed():
+    """Pinned where it rubs, the shaft has a mode that the controller drives; it slips long before."""
+    bench = stranger(920)
+    found = {"coulomb_friction": find("coulomb_friction", TARGETS["clear"], bench)}
+    rig, train, _, truth = experiment_on(bench, found, 920)
+    own = truth.parameters["coulomb_friction"]
+    rubs = effect("coulomb_friction", {"z": own["z"], "width": 3e-7, "fastest": 2e-3})
+    model = Model(rig).add(rubs, {"force": own["force"], "inverse_width": 6e7, "inverse_exponent": 0.5})
+    model = model.with_values(dict(zip(model.names, [*truth.K_i, *truth.K_s, truth.tau_e], strict=False)))
+    assert not model.is_stable
+    assert model.may_stand
+    assert compare(model, train).misfit < 1.05
 
 
 @pytest.mark.slow

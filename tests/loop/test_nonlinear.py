@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.interpolate import CubicSpline
 from scipy.linalg import block_diag
 
@@ -126,11 +127,35 @@ def test_a_loud_excitation_gives_numbers_or_an_error(kind, loop, amplitude):
     assert np.isfinite(jacobian).all()
 
 
-def test_a_loop_that_is_unstable_at_rest_is_refused(golden):
-    plant = KINDS["tanh"]()
-    plant.theta[K_S] *= 10
+def van_der_pol(push, hold, **digital):
+    """A force that drives small motion on, and holds large motion back."""
+
+    @law(1)
+    def force(theta, z):
+        return theta[3] * z[0] + theta[4] * z[0] ** 3
+
+    block = {"law": "polynomial", "exponents": [[1], [3]], "parameters": {"c0": 3, "c1": 4}, "constants": {}}
+    return machine([{"z": [{"v": 1.0}], "w": {"v": 1.0 / MASS}}], [force], [block], (push, hold), **digital)
+
+
+@pytest.mark.parametrize("loop", LOOPS)
+def test_a_loop_that_is_unstable_at_rest_and_bounded_is_followed(loop):
+    plant, u = van_der_pol(1e4, -1e7, **LOOPS[loop]), excitation(24)
+    core, theta = plant.core(), plant.theta
+    assert core.poles(theta).real.max() > 400.0
+    expected, slopes = plant.slopes(u)
+    y, jacobian = core.sensitivity(theta, list(range(len(theta))), u)
+    assert worst(y, expected) < 1e-6
+    assert worst(jacobian, slopes) < 3e-6
+    long = excitation(2000)
+    assert np.abs(core.simulate(theta, long)[:, 0]).max() < 1e-4
+    assert_allclose(core.settled(theta, [], long, 1000)[0], core.simulate(theta, long)[-1000:], rtol=1e-9, atol=1e-15)
+
+
+def test_a_loop_that_leaves_all_bounds_is_refused(golden):
+    plant = van_der_pol(1e5, 1e7)
     with golden.raises(UnstableLoopError):
-        plant.core().simulate(plant.theta, excitation(10))
+        plant.core().simulate(plant.theta, excitation(1000))
 
 
 @pytest.mark.parametrize("loop", LOOPS)

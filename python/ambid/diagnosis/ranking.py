@@ -122,7 +122,7 @@ def rank(
             continue
         variants = effect.variants(replace(seen, rig=home))
         best, basis, why = _best(here, variants, here.cost)
-        if variants and best is None and start is not None and start.is_stable:
+        if variants and best is None and start is not None and start.may_stand:
             elsewhere = elsewhere or Point(comparison.of(start))
             found, basis, _ = _best(elsewhere, variants, here.cost)
             best = None if found is None else replace(found, from_start=True)

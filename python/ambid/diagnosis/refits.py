@@ -113,7 +113,7 @@ def ranked(task: Task, fit: Comparison) -> Ranking:
     """What is outside a set, from the fit; where misfit has driven it off, from where the diagnosis began too."""
     start = nominal_beside(task, fit.model)
     own = rank(fit, task.catalogue, start=start, progress=task.progress)
-    if fit.cost <= LOST * fit.dof or not _is_driven_off(task, fit.model) or not start.is_stable:
+    if fit.cost <= LOST * fit.dof or not _is_driven_off(task, fit.model) or not start.may_stand:
         return own
     begun = rank(fit.of(start), task.catalogue, start=start, progress=task.progress)
     return replace(begun, at_fit=own.candidates)

@@ -132,7 +132,7 @@ def _held(start: Model, records: Sequence[Measurement], effects: Sequence[Effect
     for effect in effects:
         home = start.home_of(effect)
         if home is None or effect.in_record or is_nonlinear(home, effect) or (effect.within_command and knows_command):
-            continue  # what is not linear is judged at rest, where a loop must be stable anyway
+            continue  # no pole tells whether what is not linear holds a loop
         variants = effect.variants(Seen(home, {}, points=start.points))
         some = variants[:: max(1, len(variants) // MOST_VARIANTS)]
         tried = [model for variant in some for model in _with(start, variant, home)]

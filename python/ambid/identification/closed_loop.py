@@ -16,7 +16,7 @@ from ambid.identification.covariance import budget, covariance, propagated, sand
 from ambid.identification.curvature import Curvature, curvature, with_curvature
 from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
-from ambid.identification.minimum import WhitenedProblem
+from ambid.identification.minimum import WhitenedProblem, resolved
 from ambid.identification.preparation import Prepared, beside_known, prepare
 from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
 from ambid.identification.renewal import findings_at_edge, improbability, renewed, way_around
@@ -249,7 +249,10 @@ def _likeliest(prepared: Prepared, max_evaluations: int, progress: Callable[[int
     """
     given, records, in_time, exact, sides, origins, known = prepared
     stable, moved = stable_model(given, exact, origins, sides)
-    rough = WhitenedProblem(given, Noise.rough(stable, records), exact, progress)  # x in units of the limits
+    noise = Noise.rough(stable, records)
+    steps = resolved(Comparison(stable, records, noise)).structure.substeps
+    given, stable = given.with_substeps(steps), stable.with_substeps(steps)
+    rough = WhitenedProblem(given, noise, exact, progress)  # x in units of the limits
     best, more = yield from best_of(
         rough, origins if not moved else [stable.theta[exact]], sides, max_evaluations, ROUGHLY
     )
@@ -325,7 +328,7 @@ def _estimate(found: Found, begun: float) -> Estimate:
     tolerances = known_values(comparison.model, whole, free)
     findings = [*findings, *notes_of(model.rig), *findings_of(model.rig, tolerances)]
     estimate = Estimate(
-        model=comparison.model.with_covariance(whole),
+        model=comparison.model.with_substeps(None).with_covariance(whole),
         parameters=parameters,
         covariance=covariance[np.ix_(own, own)],
         status=found.status,

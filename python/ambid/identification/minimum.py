@@ -105,15 +105,15 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
 
 
 def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
-    model = _resolved(comparison)
+    model = resolved(comparison)
     fit = _from(comparison, model, most, step)
     # what an effect has grown to may need finer steps than what it began with
-    while (finer := _resolved(fit)).structure.substeps != fit.model.structure.substeps:
+    while (finer := resolved(fit)).structure.substeps != fit.model.structure.substeps:
         fit = _from(fit, finer, most, step)
     return fit
 
 
-def _resolved(comparison: Comparison) -> Model:
+def resolved(comparison: Comparison) -> Model:
     """The model with twice as many steps per sample as change its response, halved, by less than the noise shows."""
     model = comparison.model
     if model.is_linear:
@@ -131,7 +131,7 @@ def _from(comparison: Comparison, model: Model, most: int, step: float) -> Compa
     if step >= ROUGHLY and not model.is_linear:
         held = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
     roughly = is_rough and step >= ROUGHLY
-    if not _is_near(model) and (exact := held.without_errors()).is_stable:
+    if not _is_near(model) and (exact := held.without_errors()).may_stand:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
         held = held.with_theta(_gone(begun, most, near))

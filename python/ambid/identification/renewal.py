@@ -104,7 +104,12 @@ def _is_at_edge(problem: WhitenedProblem, end: End) -> bool:
     """Whether a fit was driven to the edge of stability, which keeps it from its optimum."""
     if end.status != "converged":
         return False
-    return problem.model.with_theta(end.theta).decay_rate < AT_EDGE or problem.is_stuck(end.theta)
+    return problem.is_stuck(end.theta) or _stands(problem.model.with_theta(end.theta)).decay_rate < AT_EDGE
+
+
+def _stands(model: Model) -> Model:
+    """The model as it stands: at rest, or without its nonlinear effects, as friction that slips."""
+    return model if model.is_stable else model.without_nonlinear()
 
 
 def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End) -> Iterator[Finding]:
@@ -112,7 +117,7 @@ def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End)
     durations = [part.record.samples / part.record.sample_rate for part in comparison.noise.in_time]
     if not durations:
         return
-    decay = comparison.model.decay_rate
+    decay = _stands(comparison.model).decay_rate
     form, scale = comparison.noise.quadratic(comparison.model, problem.free), problem.scale
     if end.status == "converged" and is_barred(form.hessian * np.outer(scale, scale), form.gradient * scale, form.cost):
         yield BARRED(NOWHERE, decay_rate_1_s=decay)

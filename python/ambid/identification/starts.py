@@ -68,7 +68,7 @@ def stable_model(
     for start in origins:
         theta = model.theta
         theta[free] = np.clip(start / scale, *limits) * scale
-        if model.with_theta(theta).is_stable:
+        if model.with_theta(theta).may_stand:
             return model.with_theta(theta), []
     x, moved = _stable_start(model, free, limits)
     theta = model.theta
@@ -94,7 +94,7 @@ def _stable_start(model: Model, free: list[int], limits: Limits) -> tuple[FloatA
         x = np.clip(x, *limits)
         theta = model.theta
         theta[free] = x * scale
-        if model.with_theta(theta).is_stable:
+        if model.with_theta(theta).may_stand:
             used = {kind: factor for (kind, members), factor in zip(kinds.items(), trial, strict=True) if members}
             return x, MOVED(NOWHERE, factors=used)
     try:

@@ -374,8 +374,13 @@ class Model(Contents):
 
     @property
     def is_stable(self) -> bool:
-        """Whether every pole decays."""
+        """Whether every pole decays; of a nonlinear loop those at rest."""
         return self.decay_rate > 0.0
+
+    @property
+    def may_stand(self) -> bool:
+        """Whether it is stable at rest, or where its nonlinear effects are left out, as friction that slips."""
+        return self.is_stable or (not self.is_linear and self.without_nonlinear().is_stable)
 
     def save(self, path: str | Path, covariance: ArrayLike | None = None) -> None:
         """Write the model as JSON: rig, effects, parameters, and their covariance where there is one.

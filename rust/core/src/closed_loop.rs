@@ -245,7 +245,7 @@ impl<'a> Prepared<'a> {
         let path = if part.model.lft.blocks.is_empty() {
             Path::Linear(Response::new(&part.model, theta, &parameters)?)
         } else {
-            Path::Nonlinear(Box::new(Nonlinear::stable(&part.model, theta, &parameters)?))
+            Path::Nonlinear(Box::new(Nonlinear::new(&part.model, theta, &parameters)?))
         };
         let shifts = shifts(&part.model, theta)?;
         Ok(Self { path, inputs: &part.inputs, outputs: part.outputs.clone(), free: own, shifts })

@@ -14,7 +14,6 @@ mod segments;
 
 use crate::error::{Error, Result};
 use crate::kernel::BLOCK;
-use crate::modal;
 use crate::model::{Controller, Model};
 use crate::reading::{Group, groups};
 use crate::stop::go_on;
@@ -31,12 +30,10 @@ const SLOPES: f64 = 5.0;
 const PROMISE: f64 = 1e-6;
 const BENT_SLOPES: f64 = 100.0;
 const MOST_SUBSTEPS: usize = 256;
-/// Samples that decide on the number of substeps.
+/// Samples that decide on the number of substeps of derivatives.
 const PROBE: usize = 256;
 /// An output beyond this is no response of a machine, be it in metres, amperes or newtons.
 const LIMIT: f64 = 1e6;
-/// A state that nothing moves at rest, such as that of a hysteresis, keeps its value.
-const NEUTRAL: f64 = 1.0 + 1e-9;
 
 /// A nonlinear loop at one parameter set.
 ///
@@ -52,6 +49,8 @@ pub struct Nonlinear {
     outputs: usize,
     /// Derivatives less than this share of the peak of their output count as this large.
     floors: Vec<f64>,
+    /// The same without derivatives, where substeps are to be chosen with some.
+    bare: Option<Box<Self>>,
 }
 
 impl Nonlinear {
@@ -61,6 +60,7 @@ impl Nonlinear {
         let floors = free.iter().map(|f| if theta[*f] == 0.0 { 0.0 } else { 1e-3 / theta[*f].abs() });
         let controller = model.controller.as_ref().filter(|k| k.channels() > 0);
         let controller = controller.map(|k| k.at(theta, model.dt)).transpose()?;
+        let bare = (model.substeps.is_none() && !free.is_empty()).then(|| Self::new(model, theta, &[])).transpose()?;
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
             controller,
@@ -71,19 +71,8 @@ impl Nonlinear {
             inputs: model.inputs(),
             outputs: model.outputs(),
             floors: [1.0].into_iter().chain(floors).collect(),
+            bare: bare.map(Box::new),
         })
-    }
-
-    /// The same where the loop linearised at rest is stable.
-    ///
-    /// # Errors
-    /// [`Error::Unstable`] where it has a pole that grows, and as [`Nonlinear::new`].
-    pub fn stable(model: &Model, theta: &[f64], free: &[usize]) -> Result<Self> {
-        let poles = modal::poles(model, theta)?;
-        match poles.into_iter().max_by(|a, b| a.re.total_cmp(&b.re)) {
-            Some(worst) if (worst.re * model.dt).exp() > NEUTRAL => Err(Error::unstable(worst, model.dt)),
-            _ => Self::new(model, theta, free),
-        }
     }
 
     /// Runs from rest over `u` (samples x inputs); see [`crate::kernel::Kernel::run`] for the sink.
@@ -118,7 +107,7 @@ impl Nonlinear {
 
     /// The loop at rest, with the substeps that are given or that `u` needs.
     fn ready(&self, u: &[f64]) -> Result<Run> {
-        self.substeps.map_or_else(|| self.resolved(u), |substeps| self.start(substeps))
+        self.start(self.substeps.map_or_else(|| self.everywhere(u, self.resolved(u)?), Ok)?)
     }
 
     /// The loop at rest with a given number of substeps.
@@ -126,31 +115,51 @@ impl Nonlinear {
         Run::new(self.plant.clone(), self.controller.as_ref(), &self.free, self.dt, substeps, &self.late)
     }
 
-    /// The loop at rest, with as many substeps as the loudest stretch of `u` needs.
-    fn resolved(&self, u: &[f64]) -> Result<Run> {
+    /// As many substeps as the loudest stretch of `u` needs.
+    fn resolved(&self, u: &[f64]) -> Result<usize> {
         let probe = loudest(u, PROBE * self.inputs);
-        let mut coarse = self.start(1)?;
-        let mut before = self.response(&mut coarse, probe);
+        let mut before = self.response(&mut self.start(1)?, probe);
         let mut substeps = 1;
         loop {
-            substeps *= 2;
-            let mut fine = self.start(substeps)?;
-            let after = self.response(&mut fine, probe);
+            let after = self.response(&mut self.start(2 * substeps)?, probe);
             let change = match (&before, &after) {
                 (Ok(before), Ok(after)) => self.change(before, after, SLOPES),
                 _ => f64::INFINITY,
             };
             if change < GOAL {
-                coarse.reset();
-                return Ok(coarse);
+                return Ok(substeps);
             }
+            substeps *= 2;
             if substeps >= MOST_SUBSTEPS {
                 let change = self.change(&before?, &after?, BENT_SLOPES);
-                fine.reset();
-                return if change < PROMISE { Ok(fine) } else { Err(Error::Unresolved { substeps, change }) };
+                return if change < PROMISE { Ok(substeps) } else { Err(Error::Unresolved { substeps, change }) };
             }
-            (coarse, before) = (fine, after);
+            before = after;
         }
+    }
+
+    /// As many as all of `u` needs, at least so many: what the loudest stretch begins, motion may reach later.
+    fn everywhere(&self, u: &[f64], mut substeps: usize) -> Result<usize> {
+        let bare = self.bare.as_deref().unwrap_or(self);
+        let mut before = bare.response(&mut bare.start(substeps)?, u);
+        while substeps < MOST_SUBSTEPS {
+            let after = bare.response(&mut bare.start(2 * substeps)?, u);
+            match (&before, &after) {
+                (Ok(before), Ok(after)) if bare.change(before, after, SLOPES) < GOAL => break,
+                (Err(Error::Diverged { sample, .. }), Err(Error::Diverged { sample: later, .. }))
+                    if sample.abs_diff(*later) <= 1 =>
+                {
+                    break; // by itself, not by its steps
+                }
+                (Err(error), _) | (_, Err(error)) if !matches!(error, Error::Diverged { .. }) => {
+                    return Err(error.clone());
+                }
+                _ => {}
+            }
+            substeps *= 2;
+            before = after;
+        }
+        Ok(substeps)
     }
 
     fn response(&self, run: &mut Run, u: &[f64]) -> Result<Vec<f64>> {

@@ -27,15 +27,18 @@ const ITERATIONS: usize = 30;
 pub fn from_steady_state(model: &Model, theta: &[f64], free: &[usize], u: &[f64], period: usize) -> Result<Vec<f64>> {
     let inputs = model.inputs();
     let (discrete, _, sizes) = discretise_scaled(model, theta, &[])?;
-    let state = steady_state(&discrete, &u[..period * inputs])?;
+    let mu: Vec<_> = modal::poles(model, theta)?.into_iter().map(|pole| (pole * model.dt).exp()).collect();
     if model.lft.blocks.is_empty() {
-        let mu: Vec<_> = modal::poles(model, theta)?.into_iter().map(|pole| (pole * model.dt).exp()).collect();
         stable(&mu, model.dt)?;
-        return follow(&discrete, state, u);
+        return follow(&discrete, steady_state(&discrete, &u[..period * inputs])?, u);
     }
-    let mut state: Vec<f64> = state.iter().copied().collect();
+    let run = Nonlinear::new(model, theta, free)?;
+    if mu.iter().any(|mu| mu.norm() > 1.0 + NEUTRAL) {
+        return run.run_from(&vec![0.0; discrete.a.nrows()], u); // such as one that is stuck at rest, and slips
+    }
+    let mut state: Vec<f64> = steady_state(&discrete, &u[..period * inputs])?.iter().copied().collect();
     state.iter_mut().zip(sizes).for_each(|(x, size)| *x *= size);
-    Nonlinear::stable(model, theta, free)?.run_from(&state, u)
+    run.run_from(&state, u)
 }
 
 /// The state at the beginning of a period of inputs that repeats; of directions that do not decay, such as the flux of
