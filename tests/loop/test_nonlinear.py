@@ -152,6 +152,13 @@ def test_a_loop_that_is_unstable_at_rest_and_bounded_is_followed(loop):
     assert_allclose(core.settled(theta, [], long, 1000)[0], core.simulate(theta, long)[-1000:], rtol=1e-9, atol=1e-15)
 
 
+def test_substeps_are_those_that_all_of_an_excitation_needs():
+    """This motion goes on growing after what begins it, the loudest stretch of an even excitation."""
+    plant, u = van_der_pol(2e4, -2e8), excitation(1500, 1e-4)
+    exact = plant.core(substeps=128).simulate(plant.theta, u)
+    assert worst(plant.core().simulate(plant.theta, u), exact) < 2e-7
+
+
 def test_a_loop_that_leaves_all_bounds_is_refused(golden):
     plant = van_der_pol(1e5, 1e7)
     with golden.raises(UnstableLoopError):
