@@ -13,7 +13,7 @@ bearings = tuple(b.model_copy(update={"bias_current": 1.2 * b.bias_current}) for
 higher = rig.replace(name="higher bias", bearings=bearings)
 
 # What we pretend not to know: the disks are 30 % heavier about the axis than the drawing says.
-i_e = ambid.prbs(9, amplitude=1.0, hold=4, axes=4, periods=4)
+i_e = ambid.prbs(8, amplitude=1.0, hold=4, axes=4, periods=4)
 machine = ambid.Model(fast).add("gyroscopic_coupling", {"factor": 0.3})
 at_rest = ambid.Model(rig).virtual_experiment(i_e, seed=1)
 at_speed = machine.virtual_experiment(i_e, seed=2).at(fast)

@@ -166,7 +166,7 @@ SPEECH = {
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("speech", "suffix"),
-    [("ascii", ".csv"), *(("C", suffix) for suffix in (".csv", ".mat", ".h5", ".parquet", ".tdms"))],
+    [("ascii", ".csv"), *(("C", suffix) for suffix in (".csv", ".mat", ".tdms"))],
 )
 def test_names_that_stdout_cannot_encode(speech, suffix, folder):
     """An umlaut and a Greek letter, in the names of the machine, of an axis, and of files."""

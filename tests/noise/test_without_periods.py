@@ -88,7 +88,6 @@ DELAY = {"loop_delay": {"seconds": 5e-5}}
         pytest.param(ONE_AXIS, {}, id="one axis-nothing"),
         pytest.param(ONE_AXIS, DELAY, id="one axis-loop_delay", marks=pytest.mark.slow),
         pytest.param(BENCHES["bench"], {}, id="bench-nothing", marks=pytest.mark.slow),
-        pytest.param(BENCHES["bench"], DELAY, id="bench-loop_delay", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_hidden_is_named_without_periods(machine, hidden):
