@@ -245,6 +245,7 @@ impl<'a> Prepared<'a> {
         let path = if part.model.lft.blocks.is_empty() {
             Path::Linear(Response::new(&part.model, theta, &parameters)?)
         } else {
+            modal::poles(&part.model, theta)?; // refuses a command that would follow itself at once; a pole may grow
             Path::Nonlinear(Box::new(Nonlinear::new(&part.model, theta, &parameters)?))
         };
         let shifts = shifts(&part.model, theta)?;
