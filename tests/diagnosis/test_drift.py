@@ -10,7 +10,7 @@ from hidden.bench import simulate
 from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.null_cells import BLOCK, cell, made
-from hidden.one_axis import ONE_AXIS
+from hidden.one_axis import ONE_AXIS, record
 from tiers import first_fast
 
 BENCH = BENCHES["bench"]
@@ -111,6 +111,16 @@ def test_where_nothing_changes_nothing_is_said(machine):
         found = ambid.identify(settings.get("rig", own.rig), record)
         assert found.is_adequate
         assert largest_change(found.comparison) is None, seed
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_noise_that_a_limit_modulates_is_no_change(seed):
+    """It follows the motion at all rates alike; a parameter that changes does so at some."""
+    run = record({"command_saturation": {"level": 1.2}}, seed)
+    (axis,) = ONE_AXIS.rig.axes
+    truth = {f"K_i.{axis}": ONE_AXIS.K_i[0], f"K_s.{axis}": ONE_AXIS.K_s[0], "tau_e": ONE_AXIS.tau_e}
+    model = ambid.Model(ONE_AXIS.rig).with_values(truth).add("command_saturation", {"inverse_limit": 1.0 / 1.2})
+    assert largest_change(ambid.compare(model, run).renewed()) is None
 
 
 def test_fewer_than_three_settled_periods_say_nothing():

@@ -150,6 +150,8 @@ class _Sidebands:
         while True:
             grams, projections, variances = self._projected(inner, self._louder(left, inner))
             powers = np.abs(projections) ** 2 / variances
+            # what is alike at all shifts is noise that the motion modulates, as a limit does
+            powers /= np.maximum(1.0, np.median(powers, axis=0) / chdtri(2, 0.5))
             new = (powers.max(axis=1) > enough) & ~seen
             if not new.any():
                 return projections / np.einsum("sjj->sj", grams), powers
