@@ -6,19 +6,23 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from ambid import Model, compare, diagnose
+from ambid import Model, compare, diagnose, identify, prbs
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
-from ambid.diagnosis.hypotheses import Field, Hypothesis
+from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
-from ambid.effects import find
+from ambid.diagnosis.ranking import silent
+from ambid.diagnosis.search import explored
+from ambid.diagnosis.task import Task
+from ambid.effects import CATALOGUE, find
 from ambid.effects.support import MagneticPull
 from ambid.identification.minimum import refit
-from hidden.bench import simulate
+from hidden.bench import measured, simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.experiment import experiment_on
 from hidden.families import BENCHES
+from hidden.one_axis import ONE_AXIS
 from hidden.sizes import Sized, sized
 from hidden.strangers import stranger
 
@@ -104,10 +108,39 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
         frozenset(effect.name for effect in added): Hypothesis(added, fit, None, 1.0, evidence)
         for added, evidence in (((), base), ((find("loop_delay"),), one))
     }
-    field = Field(yardstick, tried, {frozenset(): ranking})
+    field = Field(yardstick, tried, whole=ranking)
     sure, nameless = probabilities(field), probabilities(field, 40.0, shape=300.0)
     assert nameless.something_else > 0.999
     assert nameless.effects["loop_delay"] < 0.85 < 0.9 < sure.effects["loop_delay"]
+
+
+def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed():
+    """With few ways it would be too cheap: it costs what it has to choose from."""
+    rig = ONE_AXIS.rig
+    fit = identify(
+        rig, measured(rig, prbs(7, amplitude=0.2, hold=4, periods=4), {}, seed=1, **ONE_AXIS.truth)
+    ).comparison
+    ends = []
+    for catalogue in (CATALOGUE, (find("coulomb_friction"),)):
+        task = Task(fit.model, (), catalogue, silent)
+        *_, end = explored(task, begun(task, fit))
+        ends.append(end)
+    every, few = ends
+    assert few.ways.powers == pytest.approx(every.ways.powers)
+    assert set().union(*few.tried) <= {"coulomb_friction"} < set().union(*every.tried)
+    assert [c.effect.name for c in few.rankings[frozenset()].candidates] == ["coulomb_friction"]
+
+
+def test_what_a_lag_takes_beside_another_lag_is_not_what_it_takes_alone():
+    """Alone the one stands in for the other; a refit of it tells nothing of both, but of it beside a stiffness."""
+    names = [frozenset(own) for own in ((), ("eddy_currents",), ("sensor_lag",), ("seal_forces",))]
+    tried = {own: Hypothesis((), None, None, 1.0, of(1e4 if not own else 100.0)) for own in names}
+    field = Field(None, tried).felt(frozenset(), "sensor_lag")
+    (part,) = field.parts.values()
+    assert part == pytest.approx(1.0, abs=0.05)
+    for effect, likes, falls in (("seal_forces", (), True), ("eddy_currents", ("eddy_currents",), False)):
+        own = Hypothesis((find(effect),), None, None, 1.0, of(100.0))
+        assert (field.felt_before(own, "sensor_lag", frozenset(likes)) is not None) == falls
 
 
 class WaysThatShow(Ways):
@@ -124,7 +157,7 @@ def test_what_something_else_takes_up_counts_once():
     i_e = bench.excitation(bench.amplitude, 1)
     fit = compare(bench.rig, simulate(bench.rig, i_e, {}, period=bench.period, seed=1, **bench.truth, **bench.noise))
     ranking = replace(Ranking(direction_among(np.linspace(0.0, 1.5, 6)), 5.0, ()), ways=WaysThatShow())
-    field = Field(Yardstick(fit, None, {"loop_delay": 0.05, "sensor_lag": 0.05}), {}, {frozenset(): ranking})
+    field = Field(Yardstick(fit, None, {"loop_delay": 0.05, "sensor_lag": 0.05}), whole=ranking)
     noise = {"kinds": (Kind(1, 0),), "information": np.eye(1) * 3e4, "prior": 3.0, "deviation": 247.0}
     right, wrong = replace(of(0.0), **noise), replace(of(640.0), **noise)
     sets = {(): replace(of(2e4), deviation=247.0), ("sensor_lag",): right, ("loop_delay",): wrong}

@@ -219,7 +219,15 @@ def test_one_file_of_the_catalogue_saves_it(stranger):
 
 @pytest.mark.slow
 def test_one_file_of_the_catalogue_puts_it_into_the_documents(stranger):
-    page = "import sys; from pathlib import Path; import catalogue; print(catalogue.generate(Path(sys.argv[1])))"
+    page = """
+import sys
+from pathlib import Path
+
+import catalogue
+
+catalogue.CATALOGUE = [effect for effect in catalogue.CATALOGUE if effect.name in ("snubbers", "rotor_contact")]
+print(catalogue.generate(Path(sys.argv[1])))
+"""
     ended = subprocess.run(
         [sys.executable, "-c", page, str(stranger)],
         env=os.environ | {"PYTHONPATH": os.pathsep.join([str(stranger / "python"), str(ROOT / "python/docs/_ext")])},

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
@@ -160,6 +160,15 @@ class Ranking(WithFindings, Tabular):
     def find(self, name: str) -> Candidate | None:
         """The candidate of that name, if there is one."""
         return next((c for c in self.candidates if c.effect.name == name), None)
+
+    def among(self, names: Collection[str]) -> Ranking:
+        """Of some of the effects alone."""
+        return replace(
+            self,
+            candidates=tuple(c for c in self.candidates if c.effect.name in names),
+            at_fit=tuple(c for c in self.at_fit if c.effect.name in names),
+            findings=tuple(f for f in self.findings if f.values["effect"] in names),
+        )
 
     @cached_property
     def shown(self) -> tuple[Candidate, ...]:

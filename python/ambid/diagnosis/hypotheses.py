@@ -74,6 +74,8 @@ class Field:
         What makes an unstable base model stable, in the set that the search began with; nothing of a stable one.
     parts : mapping of (frozenset of str, str) to float
         Part of what a set left that a refit of an effect beside it took away.
+    whole : Ranking or None
+        Of all known effects beside the root, whichever of them are proposed: something else acts in their ways.
     """
 
     yardstick: Yardstick
@@ -81,6 +83,7 @@ class Field:
     rankings: Mapping[Names, Ranking] = field(default_factory=dict)
     root: Names = frozenset()
     parts: Mapping[tuple[Names, str], float] = field(default_factory=dict)
+    whole: Ranking | None = None
 
     @property
     def base(self) -> Hypothesis:
@@ -101,11 +104,10 @@ class Field:
         """Log evidence of a set where nothing else is missing, up to what all have in common."""
         return -0.5 * self._above(own) - own.price() - self._lowest.against
 
-    @cached_property
+    @property
     def ways(self) -> Ways:
         """In which something else may change the response, as the effects do."""
-        own = self.rankings.get(self.root)
-        return Ways() if own is None else own.ways
+        return Ways() if self.whole is None else self.whole.ways
 
     def beside(self, own: Evidence, shape: float = 0.0, prior: float = NAMELESS) -> float:
         """The same beside something else that has no name and shows a shape of such a score, or what formulas leave."""
@@ -146,8 +148,7 @@ class Field:
         What has no name lies as near to effects of the catalogue as these do to one another, or anywhere, one as likely
         as the other. It acts as one of them as likely as another, and as no disturbance, which has lines of its own.
         """
-        ranking = self.rankings.get(self.root)
-        if ranking is None:
+        if (ranking := self.whole) is None:
             return
         prior, least = self.yardstick.prior, max(self.left_by(hypothesis), shape, ranking.told_apart)
         for rest in self.tried.values():
@@ -162,10 +163,13 @@ class Field:
         part = (before - after + ROUGHLY * before) / max(1.0, self.left_by(self.tried[names]))
         return replace(self, parts={**self.parts, (names, effect): part})
 
-    def felt_before(self, hypothesis: Hypothesis, effect: str) -> float | None:
-        """Fall of J by an effect, as refits of it beside smaller sets found it; None where there are none."""
+    def felt_before(self, hypothesis: Hypothesis, effect: str, likes: Names) -> float | None:
+        """Fall of J by an effect, as refits of it beside smaller sets found it; None where there are none.
+
+        Without its likes it stood in for them, or might not: what it takes beside these is another thing.
+        """
         own = [(names, part) for (names, name), part in self.parts.items() if name == effect and names in self.tried]
-        falls = [part * self.left_by(self.tried[names]) for names, part in own if names < hypothesis.names]
+        falls = [part * self.left_by(self.tried[names]) for names, part in own if likes <= names < hypothesis.names]
         return max(falls, default=None)
 
     def left_by(self, hypothesis: Hypothesis) -> float:

@@ -75,21 +75,17 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
         starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
     starts.append((fit.model, candidate.effect, {}))
     enough = fit.dof + max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
-    ends: list[Comparison] = []
-    explained = set[int]()  # with so many parameters
+    found, least = 0, dict[int, Comparison]()  # by the number of parameters
     for base, effect, values in starts:
-        if _numbers(fit, effect) in explained or len(ends) == len(starts) - 1:
+        count = _numbers(fit, effect)
+        reached = least[count].cost if count in least else np.inf
+        if reached < enough or found == len(starts) - 1:
             continue
-        try:
-            ends.append(refit(fit.of(base.add(effect, values)), step=ROUGHLY))
-        except (UnstableLoopError, ModelError, ValueError):
-            continue
-        if ends[-1].cost < enough:
-            explained.add(_numbers(fit, effect))
-    least: dict[int, Comparison] = {}
-    for end in sorted(ends, key=lambda end: end.cost):
-        least.setdefault(len(end.model.names), end)
-    return list(least.values())
+        with suppress(UnstableLoopError, ModelError, ValueError):
+            end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=reached)
+            found += 1
+            least[count] = end if end.cost < reached else least[count]
+    return sorted(least.values(), key=lambda end: end.cost)
 
 
 def _numbers(fit: Comparison, effect: Effect) -> int:

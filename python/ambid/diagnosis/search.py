@@ -19,7 +19,7 @@ from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.nameless import Ways
 from ambid.diagnosis.refits import added, home, ranked, refined, without
 from ambid.diagnosis.task import Task
-from ambid.effects import Effect, Trait
+from ambid.effects import CATALOGUE, Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.model import Model
 
@@ -133,9 +133,14 @@ def _ranked(task: Task, field_: Field, names: Names) -> Field:
     if names in field_.rankings:
         return field_
     with suppress(UnstableLoopError):
-        own = ranked(task, field_.tried[names].fit)
-        kept = own if names == field_.root else replace(own, ways=Ways())  # something else acts in those of the root
-        return replace(field_, rankings={**field_.rankings, names: kept})
+        fit = field_.tried[names].fit
+        if names == field_.root:
+            known = {effect.name: effect for effect in (*CATALOGUE, *task.catalogue)}
+            whole = ranked(replace(task, catalogue=tuple(known.values())), fit)
+            field_, own = replace(field_, whole=whole), whole.among({effect.name for effect in task.catalogue})
+        else:
+            own = replace(ranked(task, fit), ways=Ways())  # something else acts in those of the root
+        return replace(field_, rankings={**field_.rankings, names: own})
     return field_
 
 
@@ -177,11 +182,19 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     room, known = field_.left_by(hypothesis), field_.parts.get((hypothesis.names, c.effect.name))
     if known is not None:
         fall = known * room
-    elif _is_blind(hypothesis, c) and (felt := field_.felt_before(hypothesis, c.effect.name)) is not None:
+    elif _is_blind(hypothesis, c) and (felt := _felt_before(field_, hypothesis, c)) is not None:
         fall = min(room, ERR * max(felt, c.score))
     else:
         fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
     return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
+
+
+def _felt_before(field_: Field, hypothesis: Hypothesis, c: Candidate) -> float | None:
+    """Fall of J by a candidate beside smaller sets that have all in common with it that the set has."""
+    model = hypothesis.fit.model
+    own = traits_of(c.effect, model).keys()
+    likes = frozenset(e.name for e in hypothesis.added if own & traits_of(e, model).keys())
+    return field_.felt_before(hypothesis, c.effect.name, likes)
 
 
 def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:

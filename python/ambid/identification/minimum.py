@@ -80,7 +80,7 @@ class WhitenedProblem(LeastSquares):
         return end
 
 
-def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comparison:
+def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY, bound: float = np.inf) -> Comparison:
     """Minimise J over all parameters of the model; nonlinear effects in such steps that the noise hides what they miss.
 
     Of several records, each determines the angle at which the waves of the model begin it: what a channel contains of a
@@ -93,8 +93,10 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
         Evaluations.
     step : float
         Relative step at which the descent ends; `ROUGHLY` distinguishes rivals.
+    bound : float
+        J that is reached already: a descent that promises no less is not followed.
     """
-    fit = _descended(comparison.of(comparison.model.opened()), most, step)
+    fit = _descended(comparison.of(comparison.model.opened()), most, step, bound)
     # so often are the angles of waves asked for anew, at the most, beside the parameters that change them
     for _ in range(3 if step < ROUGHLY and fit.waves_differ else 0):
         better = _descended(fit.with_own_angles(), most, step)
@@ -104,12 +106,12 @@ def refit(comparison: Comparison, most: int = 40, step: float = EXACTLY) -> Comp
     return fit
 
 
-def _descended(comparison: Comparison, most: int, step: float) -> Comparison:
+def _descended(comparison: Comparison, most: int, step: float, bound: float = np.inf) -> Comparison:
     model = resolved(comparison)
-    fit = _from(comparison, model, most, step)
+    fit = _from(comparison, model, most, step, bound)
     # what an effect has grown to may need finer steps than what it began with
-    while (finer := resolved(fit)).structure.substeps != fit.model.structure.substeps:
-        fit = _from(fit, finer, most, step)
+    while fit.cost <= bound and (finer := resolved(fit)).structure.substeps != fit.model.structure.substeps:
+        fit = _from(fit, finer, most, step, bound)
     return fit
 
 
@@ -124,7 +126,7 @@ def resolved(comparison: Comparison) -> Model:
     return model.with_substeps(max(2 * steps, model.structure.substeps or 0))
 
 
-def _from(comparison: Comparison, model: Model, most: int, step: float) -> Comparison:
+def _from(comparison: Comparison, model: Model, most: int, step: float, bound: float) -> Comparison:
     """The optimum of a model whose steps are given; roughly, half of them are enough."""
     held, near = model, max(step, ROUGHLY)
     is_rough = not model.is_linear and model.without_nonlinear().is_stable
@@ -134,9 +136,9 @@ def _from(comparison: Comparison, model: Model, most: int, step: float) -> Compa
     if not _is_near(model) and (exact := held.without_errors()).may_stand:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
-        held = held.with_theta(_gone(begun, most, near))
+        held = held.with_theta(_gone(begun, most, near, bound))
     problem = WhitenedProblem(held, comparison.noise, roughly=roughly)
-    end = _gone(problem, most, step)
+    end = _gone(problem, most, step, bound)
     fit = comparison.of(model.with_theta(end))
     if (behind := other_side(problem, end)) is not None and problem.promises(behind, fit.model.theta):
         begun = WhitenedProblem(held.with_theta(behind), comparison.noise, roughly=is_rough)
@@ -172,11 +174,11 @@ def _is_near(model: Model) -> bool:
     return 0.0 < float(errors @ errors) < chdtri(len(errors), DRIVEN_OFF) if len(errors) else True
 
 
-def _gone(problem: WhitenedProblem, most: int, step: float) -> FloatArray:
+def _gone(problem: WhitenedProblem, most: int, step: float, bound: float = np.inf) -> FloatArray:
     """All parameters where a descent from those of the problem's model ends."""
     parameters = [problem.model.parameters[i] for i in problem.free]
     lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in parameters]).T / problem.scale
-    end = problem.descend(at, (lower, upper), most, step, among_others=step >= ROUGHLY)
+    end = problem.descend(at, (lower, upper), most, step, among_others=step >= ROUGHLY, bound=bound)
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return end.theta

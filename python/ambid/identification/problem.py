@@ -27,6 +27,8 @@ nothing to be gained where values are known to a tolerance, whose derivatives ma
 ROUGHLY, NEAR, UPHILL = 1e-4, 0.1, 2
 """Of a fit that is judged among others: relative step at which it ends, fall of J that distinguishes none, and how many
 steps in a row may lead uphill, each a quarter of the one before."""
+UNDERSTATED = 4.0
+"""Factor by which the fall of J that the parabola of a place promises may err."""
 
 
 class End(NamedTuple):
@@ -74,7 +76,7 @@ class LeastSquares(ABC):
         self.scale = np.array([model.parameters[i].scale for i in free])
         self.evaluations = 0
         self._best: tuple[float, FloatArray] = (np.inf, self.scale)
-        self._gain, self._least, self._most_uphill, self._uphill = 0.0, 0.0, np.inf, 0
+        self._gain, self._least, self._most_uphill, self._uphill, self._bound = 0.0, 0.0, np.inf, 0, np.inf
         self._last: tuple[bytes, FloatArray, FloatArray, float] | None = None
 
     @abstractmethod
@@ -133,13 +135,21 @@ class LeastSquares(ABC):
         return is_barred(*self.normal_equations(theta[self.free] / self.scale))
 
     def descend(
-        self, x: FloatArray, limits: Limits, max_evaluations: int, step: float = EXACTLY, *, among_others: bool = False
+        self,
+        x: FloatArray,
+        limits: Limits,
+        max_evaluations: int,
+        step: float = EXACTLY,
+        *,
+        among_others: bool = False,
+        bound: float = np.inf,
     ) -> End:
         """Go downhill from x with SciPy's trust-region method; a step into an unstable loop is rejected.
 
-        To be judged `among_others` J, in units of noise, need be no nearer to its least than distinguishes them.
+        To be judged `among_others` J, in units of noise, need be no nearer to its least than distinguishes them; where
+        it promises to stay above a bound, it need not be followed.
         """
-        self._best, self._gain = (np.inf, x), step**1.5
+        self._best, self._gain, self._bound = (np.inf, x), step**1.5, bound
         self._least, self._most_uphill, self._uphill = (NEAR, UPHILL, 0) if among_others else (self.enough, np.inf, 0)
         tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
         bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
@@ -173,8 +183,8 @@ class LeastSquares(ABC):
 
     def _jacobian(self, x: FloatArray) -> FloatArray:
         short, jacobian = self._short(x)
-        cost = float(short @ short)
-        if short[:-1] @ short[:-1] < max(self._gain * cost, self._least):  # what a step would still gain, bounds or not
+        gain, cost = float(short[:-1] @ short[:-1]), float(short @ short)  # what a step would gain, bounds or not
+        if gain < max(self._gain * cost, self._least) or cost - UNDERSTATED * gain > self._bound:
             raise _Arrived(End(self.theta(x), self.normal_equations(x)[2], "converged"))
         return jacobian
 
