@@ -7,13 +7,13 @@ import pytest
 from scipy.integrate import quad
 
 from ambid import Model, compare, diagnose, identify, prbs
+from ambid.diagnosis import search
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
 from ambid.diagnosis.ranking import silent
-from ambid.diagnosis.search import explored
 from ambid.diagnosis.task import Task
 from ambid.effects import CATALOGUE, find
 from ambid.effects.support import MagneticPull
@@ -123,7 +123,7 @@ def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed()
     ends = []
     for catalogue in (CATALOGUE, (find("coulomb_friction"),)):
         task = Task(fit.model, (), catalogue, silent)
-        *_, end = explored(task, begun(task, fit))
+        *_, end = search.explored(task, begun(task, fit))
         ends.append(end)
     every, few = ends
     assert few.ways.powers == pytest.approx(every.ways.powers)
@@ -141,6 +141,22 @@ def test_what_a_lag_takes_beside_another_lag_is_not_what_it_takes_alone():
     for effect, likes, falls in (("seal_forces", (), True), ("eddy_currents", ("eddy_currents",), False)):
         own = Hypothesis((find(effect),), None, None, 1.0, of(100.0))
         assert (field.felt_before(own, "sensor_lag", frozenset(likes)) is not None) == falls
+
+
+def test_the_best_set_is_carried_on_though_it_had_fallen_behind(monkeypatch):
+    """Two that stood in for another of it were ahead before, and more was tried beside those."""
+    best, pair = frozenset({"sensor_runout"}), frozenset({"flux_saturation", "unbalance"})
+    left = {frozenset(): 1e4, best: 10.0, pair: 80.0}
+    tried = {own: Hypothesis(tuple(map(find, own)), None, None, 1.0, of(more)) for own, more in left.items()}
+    carried = []
+
+    def noted(task, field, names, **_):
+        carried.append(names)
+        yield field
+
+    monkeypatch.setattr(search, "_carried_on", noted)
+    *_, end = search._reconsidered(None, Field(None, tried, {pair: Ranking((), 1.0, ())}))
+    assert (end.foremost.names, carried) == (best, [best])
 
 
 class WaysThatShow(Ways):

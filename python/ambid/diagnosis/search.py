@@ -212,13 +212,16 @@ def _price(task: Task, c: Candidate) -> float:
 
 
 def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
-    """The best set with each of its effects taken out, and with another in its place, until it is the best of these.
+    """The best set with more, with each of its effects taken out, and another in its place, until it is the best.
 
     Where it does not explain, another is in its place where scores call for it: all else was tried on the way to it.
     """
     best = None
     while best is None or field_.foremost.names != best:
         best = field_.foremost.names
+        is_new = best not in field_.rankings and len(best) < MOST_EFFECTS
+        for further in _carried_on(task, field_, best) if is_new else ():
+            yield (field_ := further)  # it had fallen behind, and lies ahead by what was tried since
         for effect in field_.tried[best].added if len(best) > 1 else ():  # else what is beside the base was tried
             names = best - {effect.name}
             field_ = without(field_, field_.tried[best], effect)  # its settings may differ from those tried alone
