@@ -101,7 +101,7 @@ def test_values_at_every_bias_current(found, validated):
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (SHARED / "campaign").is_dir(), reason="the campaign's files are not here")
-@pytest.mark.parametrize("bias", ["6A", "8A", "10A"])
+@pytest.mark.parametrize("bias", ["6A", "10A"])
 def test_the_closed_loop_identification_of_the_paper(bias, validated):
     """Small runs, in which the curvature of the force does not count."""
     folder = SHARED / "campaign"

@@ -27,7 +27,6 @@ def test_nothing_is_named_where_nothing_is_hidden(number):
         (3, "periodic_disturbance", 1.0),  # driven by noise
         (13, "foundation_resonance", 0.2),  # at 2 Hz
         (9, "sampling_skew", 1.0),  # nine tenths of a sample
-        (11, "magnetic_hysteresis", 0.3),
     ],
 )
 def test_what_is_hidden_is_named_and_nothing_else(number, effect, size):
