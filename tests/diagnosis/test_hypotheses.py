@@ -13,9 +13,9 @@ from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
-from ambid.diagnosis.ranking import silent
+from ambid.diagnosis.ranking import rank, silent
 from ambid.diagnosis.task import Task
-from ambid.effects import CATALOGUE, find
+from ambid.effects import find
 from ambid.effects.support import MagneticPull
 from ambid.identification.minimum import refit
 from hidden.bench import measured, simulate
@@ -120,14 +120,10 @@ def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed()
     fit = identify(
         rig, measured(rig, prbs(7, amplitude=0.2, hold=4, periods=4), {}, seed=1, **ONE_AXIS.truth)
     ).comparison
-    ends = []
-    for catalogue in (CATALOGUE, (find("coulomb_friction"),)):
-        task = Task(fit.model, (), catalogue, silent)
-        *_, end = search.explored(task, begun(task, fit))
-        ends.append(end)
-    every, few = ends
-    assert few.ways.powers == pytest.approx(every.ways.powers)
-    assert set().union(*few.tried) <= {"coulomb_friction"} < set().union(*every.tried)
+    task = Task(fit.model, (), (find("coulomb_friction"),), silent)
+    *_, few = search.explored(task, begun(task, fit))
+    assert few.ways.powers == pytest.approx(rank(fit).ways.powers)
+    assert set().union(*few.tried) <= {"coulomb_friction"}
     assert [c.effect.name for c in few.rankings[frozenset()].candidates] == ["coulomb_friction"]
 
 
@@ -155,7 +151,7 @@ def test_the_best_set_is_carried_on_though_it_had_fallen_behind(monkeypatch):
         yield field
 
     monkeypatch.setattr(search, "_carried_on", noted)
-    *_, end = search._reconsidered(None, Field(None, tried, {pair: Ranking((), 1.0, ())}))
+    *_, end = search.reconsidered(None, Field(None, tried, {pair: Ranking((), 1.0, ())}))
     assert (end.foremost.names, carried) == (best, [best])
 
 

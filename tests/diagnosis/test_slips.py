@@ -120,8 +120,7 @@ OF_ONE_AXIS = {
             ("one axis", "i_c scaled"),
             *(("one axis", case) for case in WRONG if case not in ("y turned", "i_c scaled")),
             *(("two bearings", case) for case in [*OF_ONE_AXIS][::4]),
-        ],
-        2,
+        ]
     ),
 )
 def test_a_channel_that_is_recorded_wrongly_is_named_and_mended(machine, case):
@@ -210,8 +209,9 @@ def test_a_slip_beside_physics_and_both_slips_at_once():
     assert {own.code for own in found.findings} == {"controller_gain_wrong", "excitation_scale_wrong"}
 
 
-@pytest.mark.parametrize("machine", first_fast(MACHINES))
-@pytest.mark.parametrize("factor", first_fast([0.8, 1.25]))
+@pytest.mark.slow
+@pytest.mark.parametrize("machine", MACHINES)
+@pytest.mark.parametrize("factor", [0.8, 1.25])
 def test_a_wrong_scale_of_the_excitation_is_named(machine, factor):
     right = nothing_hidden(machine)
     found = diagnose(MACHINES[machine].rig, replace(right, i_e=factor * right.i_e))

@@ -59,7 +59,7 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
             yield (field_ := further)
         if field_.foremost is not before:
             yield (field_ := refined(task, field_, field_.foremost.names))
-    for further in _reconsidered(task, field_):
+    for further in reconsidered(task, field_):
         yield (field_ := further)
 
 
@@ -211,7 +211,7 @@ def _price(task: Task, c: Candidate) -> float:
     return price_of(c.score, c.degrees, c.one_sided, task.price(c.effect) + float(np.log(c.variants)))
 
 
-def _reconsidered(task: Task, field_: Field) -> Iterator[Field]:
+def reconsidered(task: Task, field_: Field) -> Iterator[Field]:
     """The best set with more, with each of its effects taken out, and another in its place, until it is the best.
 
     Where it does not explain, another is in its place where scores call for it: all else was tried on the way to it.
