@@ -20,6 +20,8 @@ from ambid.rotor import further_modes
 
 BELOW = 0.4
 """Part of the sample rate below which a bending mode is looked for."""
+FAR_OFF = (-0.1, -0.03, 0.03, 0.1)
+"""Relative shifts of a squared frequency, by more than the width of most peaks."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,12 @@ class BendingModeShift(Effect):
                 ),
             ]
         return parameters
+
+    def far_starts(self, rig: Rig) -> Sequence[Mapping[str, float]]:
+        """Each mode higher and lower by more than the width of its peak, of which a score sees nothing."""
+        own = self.parameters(rig)
+        shifted = [p.name for p in own if p.name.startswith("squared_frequency")]
+        return [{p.name: by if p.name == name else 0.0 for p in own} for name in shifted for by in FAR_OFF]
 
     def attach(self, plant: Plant) -> None:
         """Stiffness and damping beside those of the mode."""
