@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from ambid import Model, compare, diagnose, identify, prbs
-from ambid.diagnosis import search
+from ambid.diagnosis import refits, search
 from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
@@ -17,6 +17,7 @@ from ambid.diagnosis.ranking import rank, silent
 from ambid.diagnosis.task import Task
 from ambid.effects import find
 from ambid.effects.support import MagneticPull
+from ambid.errors import UnstableLoopError
 from ambid.identification.minimum import refit
 from hidden.bench import measured, simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
@@ -153,6 +154,29 @@ def test_the_best_set_is_carried_on_though_it_had_fallen_behind(monkeypatch):
     monkeypatch.setattr(search, "_carried_on", noted)
     *_, end = search.reconsidered(None, Field(None, tried, {pair: Ranking((), 1.0, ())}))
     assert (end.foremost.names, carried) == (best, [best])
+
+
+def test_what_is_left_of_a_set_is_fitted_from_the_values_that_it_had_without(monkeypatch):
+    """Where the effect that is taken out held the loop, its own values make none; places are those beside it."""
+    rig = BENCHES["bench"].rig
+    known, moved = find("external_damping", {"z": 0.2}), find("external_damping", {"z": 0.3})
+    alone = Model(rig).add(known, {"damping": 5.0})
+    both = Model(rig).add(moved, {"damping": 9.0}).add("back_emf")
+    fit = compare(both, simulate(rig, BENCHES["bench"].excitation(0.05, 1), {}, seed=1, **BENCHES["bench"].truth))
+    begun = []
+
+    def fitted(start, **_):
+        begun.append(start.model)
+        raise UnstableLoopError("a pole grows")
+
+    monkeypatch.setattr(refits, "refit", fitted)
+    tried = {frozenset({known.name}): Hypothesis((known,), fit.of(alone), None, 1.0, of(0.0))}
+    whole = Hypothesis(both.effects, fit, None, 1.0, of(0.0))
+    refits.without(Field(None, tried), whole, both.effects[1])
+    assert [(model.effects, model["external_damping.damping"].value) for model in begun] == [
+        ((moved,), 9.0),
+        ((moved,), 5.0),
+    ]
 
 
 class WaysThatShow(Ways):

@@ -1,11 +1,15 @@
 """Machines drawn at random, on which effects once got wrong names, or others beside them."""
 
+import numpy as np
 import pytest
 
-from ambid import Model, compare, diagnose
+from ambid import Model, compare, diagnose, identify
+from ambid.diagnosis import rank
 from ambid.effects import find as effect
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY, UNDERSTATED
 from hidden.experiment import experiment_on
-from hidden.sizes import TARGETS, find
+from hidden.sizes import TARGETS, Sized, find
 from hidden.strangers import stranger
 
 
@@ -33,6 +37,18 @@ def test_a_large_effect_is_named_alone(machine, hidden):
 def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     """Of what these two would leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     assert diagnosed(43, "coulomb_friction", "clear").effects == ("coulomb_friction",)
+
+
+def test_a_mode_that_lies_many_widths_of_its_peak_from_where_it_is_stated_is_sought_there():
+    """A score, which is of a small step, promises too little of it for it to be tried."""
+    bench, own = stranger(11018), effect("bending_mode_shift")
+    rig, train, _, _ = experiment_on(bench, {own.name: Sized({"frequency_factor": 1.08}, bench.amplitude, np.nan)}, 3)
+    fit = identify(rig, train).comparison
+    higher = max(own.far_starts(rig), key=lambda far: far["squared_frequency_1"])
+    best = refit(fit.of(fit.model.add(own, higher)), step=ROUGHLY)
+    assert best.misfit < 1.05
+    assert best.model["bending_mode_shift.squared_frequency_1"].value == pytest.approx(1.08**2 - 1.0, rel=0.02)
+    assert fit.cost - best.cost > UNDERSTATED * rank(fit, [own]).candidates[0].score
 
 
 def test_friction_that_would_make_the_loop_unstable_where_it_sticks_is_followed():

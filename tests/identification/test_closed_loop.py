@@ -52,6 +52,14 @@ def test_the_demo_is_identified_within_its_intervals(demo_estimate, demo_truth):
     assert abs(demo_estimate.fit_percent["average"] - demo_estimate.noise_ceiling_percent["average"]) < 0.1
 
 
+def test_a_descent_that_promises_to_end_above_what_was_reached_is_left(estimate):
+    fit = estimate.comparison
+    beside = fit.of(fit.model.with_values({"tau_e": 1.01 * fit.model["tau_e"].value}))
+    assert beside.cost > 1.01 * fit.cost
+    assert refit(beside, bound=0.5 * fit.cost).cost == pytest.approx(beside.cost)
+    assert refit(beside, bound=fit.cost).cost == pytest.approx(fit.cost)
+
+
 def test_noise_free_data_give_the_truth(bench, start, i_e, validated):
     clean = bench.records(i_e, [0], period=510, sensor_noise=0.0, current_noise=0.0)
     found = identify(start, clean)

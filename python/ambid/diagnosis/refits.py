@@ -176,12 +176,16 @@ def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:
 
 
 def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
-    """The field with a set less one of its effects."""
-    try:
-        fit = refit(hypothesis.fit.of(hypothesis.fit.model.without(effect.name)), step=ROUGHLY)
-    except UnstableLoopError:
-        return field_  # no loop without it
-    return field_.with_(tuple(own for own in hypothesis.added if own is not effect), fit, hypothesis.variants)
+    """The field with a set less one of its effects: from the values beside it, and from those that were without it."""
+    rest = tuple(own for own in hypothesis.added if own is not effect)
+    model = hypothesis.fit.model.without(effect.name)
+    starts, known = [model], field_.tried.get(hypothesis.names - {effect.name})
+    if known is not None:
+        starts.append(model.with_values({p.name: p.value for p in known.fit.model.parameters if p.name in model.names}))
+    for start in starts:
+        with suppress(UnstableLoopError):  # no loop without it
+            field_ = field_.with_(rest, refit(hypothesis.fit.of(start), step=ROUGHLY), hypothesis.variants)
+    return field_
 
 
 def nominal_beside(task: Task, model: Model) -> Model:

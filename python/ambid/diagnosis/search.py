@@ -21,6 +21,7 @@ from ambid.diagnosis.refits import added, home, ranked, refined, without
 from ambid.diagnosis.task import Task
 from ambid.effects import CATALOGUE, Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
+from ambid.identification.problem import UNDERSTATED
 from ambid.model import Model
 
 WIDTHS = (8, 4, 3, 2)
@@ -31,8 +32,6 @@ MOST_EFFECTS = 5
 """Effects of a set, at the most."""
 BEHIND = 3.0
 """Log evidence by which a set may fall behind the best, by its score, and still be refitted."""
-ERR = 4.0
-"""Factor by which a score may err: it is the fall of J along a straight line."""
 Ask = Callable[[Ranking, Candidate], bool | Candidate]
 """Shown a ranking and the candidate that is to be added; False ends the search, another candidate is added instead."""
 
@@ -183,9 +182,9 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     if known is not None:
         fall = known * room
     elif _is_blind(hypothesis, c) and (felt := _felt_before(field_, hypothesis, c)) is not None:
-        fall = min(room, ERR * max(felt, c.score))
+        fall = min(room, UNDERSTATED * max(felt, c.score))
     else:
-        fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, ERR * c.score))
+        fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, UNDERSTATED * c.score))
     return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
 
 
@@ -249,7 +248,7 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             if c.effect.name in names or (there is c and rest | {c.effect.name} in field_.tried):
                 continue
             is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
-            explains = is_twin and ERR * c.score > 0.5 * field_.left_by(before)
+            explains = is_twin and UNDERSTATED * c.score > 0.5 * field_.left_by(before)
             acts_alike = is_twin or effect.name in c.confusable_with
             if explains or (acts_alike and _may_win(task, field_, before, c)):
                 with suppress(ModelError):

@@ -28,7 +28,7 @@ ROUGHLY, NEAR, UPHILL = 1e-4, 0.1, 2
 """Of a fit that is judged among others: relative step at which it ends, fall of J that distinguishes none, and how many
 steps in a row may lead uphill, each a quarter of the one before."""
 UNDERSTATED = 4.0
-"""Factor by which the fall of J that the parabola of a place promises may err."""
+"""Factor by which the fall of J may err that a straight line, or the parabola of a place, promises."""
 
 
 class End(NamedTuple):
