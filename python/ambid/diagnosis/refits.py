@@ -59,7 +59,9 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
 def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comparison]:
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
-    Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is.
+    Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is. What
+    one start of a variant explains within chance, or what formulas leave, needs no other start, but other variants that
+    a score does not tell from it: a few in J decide between sets.
     """
     fit = before.fit
     is_far_off = fit.cost > FAR_OFF * fit.dof
@@ -75,12 +77,16 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
         starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
     starts.append((fit.model, candidate.effect, {}))
     enough = fit.dof + max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
+    alike = [effect for effect, _, share in candidate.near if share > LIKE]
     found, least = 0, dict[int, Comparison]()  # by the number of parameters
     for base, effect, values in starts:
         count = _numbers(fit, effect)
         reached = least[count].cost if count in least else np.inf
-        if reached < enough or found == len(starts) - 1:
+        is_untried = effect in alike
+        if (reached < enough and not is_untried) or found == len(starts) - 1:
             continue
+        if is_untried:
+            alike.remove(effect)
         with suppress(UnstableLoopError, ModelError, ValueError):
             end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=reached)
             found += 1
@@ -180,11 +186,13 @@ def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
     rest = tuple(own for own in hypothesis.added if own is not effect)
     model = hypothesis.fit.model.without(effect.name)
     starts, known = [model], field_.tried.get(hypothesis.names - {effect.name})
+    reached = np.inf if known is None else known.fit.cost
     if known is not None:
         starts.append(model.with_values({p.name: p.value for p in known.fit.model.parameters if p.name in model.names}))
     for start in starts:
         with suppress(UnstableLoopError):  # no loop without it
-            field_ = field_.with_(rest, refit(hypothesis.fit.of(start), step=ROUGHLY), hypothesis.variants)
+            fit = refit(hypothesis.fit.of(start), step=ROUGHLY, bound=reached)
+            field_, reached = field_.with_(rest, fit, hypothesis.variants), min(reached, fit.cost)
     return field_
 
 
