@@ -41,6 +41,7 @@ def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     assert diagnosed(43, "coulomb_friction", "clear", catalogue=few).effects == ("coulomb_friction",)
 
 
+@pytest.mark.slow
 def test_a_mode_that_lies_many_widths_of_its_peak_from_where_it_is_stated_is_sought_there():
     """A score, which is of a small step, promises too little of it for it to be tried."""
     bench, own = stranger(11018), effect("bending_mode_shift")
@@ -53,6 +54,7 @@ def test_a_mode_that_lies_many_widths_of_its_peak_from_where_it_is_stated_is_sou
     assert fit.cost - best.cost > UNDERSTATED * rank(fit, [own]).candidates[0].score
 
 
+@pytest.mark.slow
 def test_of_two_kinds_of_lag_that_a_score_does_not_tell_apart_each_is_refitted():
     """One leaves 35 of J more than the other, within chance of all lines; a delay lies between them."""
     few = [effect(name) for name in ("amplifier_bandwidth", "loop_delay", "sampling_skew")]
