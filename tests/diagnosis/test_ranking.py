@@ -69,7 +69,7 @@ def test_where_misfit_has_driven_a_model_off_effects_are_judged_where_it_began_t
 
 @pytest.mark.parametrize("seconds", [-1e-5, 1e-5])
 def test_a_reading_on_either_side_of_a_jump_of_the_command_is_predicted(seconds):
-    """The slopes differ: what follows the jump changes the current six times as much."""
+    """The slopes differ: what follows the jump changes the response 2.5 times as much."""
     i_e = ONE_AXIS.excitation(ONE_AXIS.amplitude)
     hidden = {"sampling_skew": {"seconds": seconds}}
     record = measured(ONE_AXIS.rig, i_e, hidden, seed=1, period=ONE_AXIS.period, **ONE_AXIS.truth)
