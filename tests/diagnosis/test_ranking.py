@@ -7,8 +7,6 @@ from ambid.diagnosis import rank
 from ambid.diagnosis.ranking import silent
 from ambid.diagnosis.refits import ranked
 from ambid.diagnosis.task import Task
-from ambid.effects import find
-from ambid.identification.minimum import refit
 from ambid.loop.effect import EffectParameter
 from hidden.bench import measured
 from hidden.families import BENCHES
@@ -65,28 +63,3 @@ def test_where_misfit_has_driven_a_model_off_effects_are_judged_where_it_began_t
     assert ranked(task, near).at_fit == ()
     assert [c.score for c in both.candidates] == pytest.approx(scores[0])
     assert [c.score for c in both.at_fit] == pytest.approx(scores[1])
-
-
-@pytest.mark.parametrize("seconds", [-1e-5, 1e-5])
-def test_a_reading_on_either_side_of_a_jump_of_the_command_is_predicted(seconds):
-    """The slopes differ: what follows the jump changes the response 2.5 times as much."""
-    i_e = ONE_AXIS.excitation(ONE_AXIS.amplitude)
-    hidden = {"sampling_skew": {"seconds": seconds}}
-    record = measured(ONE_AXIS.rig, i_e, hidden, seed=1, period=ONE_AXIS.period, **ONE_AXIS.truth)
-    fit = ambid.identify(ONE_AXIS.rig, record).comparison
-    (found,) = rank(fit, [find("sampling_skew")]).candidates
-    assert found.start["current_late"] == pytest.approx(seconds, rel=0.05)
-    fall = fit.cost - refit(fit.of(fit.model.add(found.effect, found.start))).cost
-    assert found.score == pytest.approx(fall, rel=1e-3)
-
-
-@pytest.mark.parametrize(("name", "parameter"), [("sampling_skew", "current_late"), ("channel_delay", "delay")])
-@pytest.mark.parametrize("below", [False, True])
-def test_what_is_looked_for_on_one_side_is_probed_and_begins_there(name, parameter, below):
-    own = find(name, {"below": below} | ({"signal": "i_e"} if name == "channel_delay" else {}))
-    (probe,) = own.probes(ONE_AXIS.rig)
-    low, high = own.amplitudes(ONE_AXIS.rig)
-    sign = -1.0 if below else 1.0
-    assert sign * probe[parameter] > 0.0
-    assert low == 0.0 < high
-    assert own.start(ONE_AXIS.rig, [2.0])[parameter] == pytest.approx(2.0 * probe[parameter])

@@ -221,7 +221,7 @@ class Point:
     def responses(self, effect: Effect) -> FloatArray:
         """Whitened change of the response by each probe of an effect, shape (probes, numbers).
 
-        Of a linear effect whose probes move a parameter up each, it is the derivative where the effect is absent.
+        Of a linear effect whose probes move a parameter each, it is the derivative where the effect is absent.
         """
         home = self.exact.home_of(effect) or self.exact.rig
         probes = effect.probes(home)
@@ -229,8 +229,7 @@ class Point:
             tried = [self.exact.add(effect, probe).with_substeps(SUBSTEPS) for probe in probes]
             return np.array([self.noise.departure(model) - self._departure(self.exact) for model in tried])
         moved = [[name for name, value in probe.items() if value] for probe in probes]
-        is_up = all(value >= 0.0 for probe in probes for value in probe.values())
-        if len(probes) > 1 and is_up and self.linear.is_linear and all(len(names) == 1 for names in moved):
+        if len(probes) > 1 and self.linear.is_linear and all(len(names) == 1 for names in moved):
             with suppress(ModelError):  # a parameter that stands in a denominator
                 absent = self.linear.add(effect, dict.fromkeys(probes[0], 0.0))
                 free = [absent.names.index(effect.slot(name)) for (name,) in moved]

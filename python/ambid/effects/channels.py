@@ -4,7 +4,7 @@ Named, they say that the record is wrong, and not what the model knows of the ma
 right: a scale that it reads, too, is `sensor_gain_error`.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -16,7 +16,7 @@ from ambid.effects.sensor import REACH
 from ambid.effects.slips import LEAST, MOST
 from ambid.effects.traits import GAIN_OF_ANSWER, GAIN_OF_READING, LAG_OF_READING
 from ambid.findings import Finding, Kind, Where
-from ambid.loop.effect import Effect, EffectParameter, OnEitherSide, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.record import Record
 from ambid.record.shifting import shifted
@@ -135,7 +135,7 @@ class ExcitationGainError(_OfRecord):
 
 
 @dataclass(frozen=True)
-class ChannelDelay(OnEitherSide, _OfRecord):
+class ChannelDelay(_OfRecord):
     """A kind of channel that is recorded late or early against all others; of i_c that is `SamplingSkew`.
 
     Attributes
@@ -155,12 +155,8 @@ class ChannelDelay(OnEitherSide, _OfRecord):
     signal: str = "y"
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """The displacements late, or the excitation late or early."""
-        return [ChannelDelay("y"), ChannelDelay("i_e"), ChannelDelay("i_e", below=True)]
-
-    def two_slopes(self, rig: Rig) -> Collection[str]:
-        """That of i_e, which moves i_c against the command that it follows."""
-        return ("delay",) if self.signal == "i_e" else ()
+        """The displacements late, or the excitation."""
+        return [ChannelDelay(signal) for signal in ("y", "i_e")]
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """By how much the channel is late [s]."""

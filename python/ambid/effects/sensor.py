@@ -1,13 +1,13 @@
 """Effects in the displacement sensors and in the recording."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
 from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
 from ambid.effects.traits import CURVATURE, GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
-from ambid.loop.effect import Effect, EffectParameter, OnEitherSide, Seen, Trait
+from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
 from ambid.loop.plant import Plant
 from ambid.record import Record
 from ambid.record.shifting import shifted
@@ -250,7 +250,7 @@ class SensorNonlinearity(Effect):
 
 
 @dataclass(frozen=True)
-class SamplingSkew(OnEitherSide):
+class SamplingSkew(Effect):
     """Currents and displacements read at different instants.
 
     Attributes
@@ -268,11 +268,10 @@ class SamplingSkew(OnEitherSide):
     moves_y: bool = False
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """i_c later or earlier; of a digital controller also y early, and that alone where the amplifier is ideal."""
+        """i_c late alone; of a digital controller also y early, and that alone where the amplifier is ideal."""
         if seen.rig.amplifier.time_constant == 0.0:
             return (self,)
-        both = (False, True)
-        return [SamplingSkew(y, below=below) for y in both[: 1 + seen.rig.controller.is_digital] for below in both]
+        return [SamplingSkew(moves_y) for moves_y in (False, True)[: 1 + seen.rig.controller.is_digital]]
 
     def why_not(self, rig: Rig) -> str:
         """Where i_c does not move between samples, and the controller's output has no instants either."""
@@ -282,10 +281,6 @@ class SamplingSkew(OnEitherSide):
 
     def _reads_y_early(self, rig: Rig) -> bool:
         return self.moves_y or (rig.controller.is_digital and rig.amplifier.time_constant == 0.0)
-
-    def two_slopes(self, rig: Rig) -> Collection[str]:
-        """The instant of i_c, which follows the command; y is read early alone."""
-        return ("current_late",)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """By how much i_c is read late, and y early [s]."""

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import Field, dataclass, fields, is_dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar
 
@@ -293,43 +293,6 @@ class Effect(ABC):
     def slot(self, parameter: str) -> str:
         """Name of a parameter in the model, such as ``loop_delay.delay``."""
         return f"{self.name}.{parameter}"
-
-
-@dataclass(frozen=True)
-class OnEitherSide(Effect):
-    """An effect that is looked for on one side of where it is absent, as a score has another slope on the other one.
-
-    So has a time by which a reading follows or precedes the jump of a held command.
-
-    Attributes
-    ----------
-    below : bool
-        Whether it is looked for below zero; a refit may go to either side.
-    """
-
-    below: bool = field(default=False, kw_only=True)
-
-    @abstractmethod
-    def two_slopes(self, rig: Rig) -> Collection[str]:
-        """Parameters of which that is so."""
-
-    def probes(self, rig: Rig) -> Sequence[Mapping[str, float]]:
-        """One parameter at a time, to the side where it is looked for."""
-        return [self._to_its_side(rig, own) for own in super().probes(rig)]
-
-    def amplitudes(self, rig: Rig) -> tuple[np.ndarray, np.ndarray]:
-        """No less than none of the parameters with two slopes."""
-        low, high = super().amplitudes(rig)
-        least = [0.0 if p.name in self.two_slopes(rig) else -np.inf for p in self.parameters(rig)]
-        return np.maximum(low, least), high
-
-    def start(self, rig: Rig, amplitudes: Sequence[float]) -> dict[str, float]:
-        """What the residual calls for, on the side where it is looked for."""
-        return self._to_its_side(rig, super().start(rig, amplitudes))
-
-    def _to_its_side(self, rig: Rig, values: Mapping[str, float]) -> dict[str, float]:
-        turned = self.two_slopes(rig) if self.below else ()
-        return {name: -value if name in turned else value for name, value in values.items()}
 
 
 class OneProbe(Effect):
