@@ -19,11 +19,12 @@ from ambid.effects import find
 from ambid.effects.support import MagneticPull
 from ambid.errors import UnstableLoopError
 from ambid.identification.minimum import refit
+from ambid.noise import Comparison, Noise
 from hidden.bench import measured, simulate
 from hidden.dirt import MARGIN, NOISE_FREE, soiled
 from hidden.experiment import experiment_on
 from hidden.families import BENCHES
-from hidden.one_axis import ONE_AXIS
+from hidden.one_axis import NAMED, ONE_AXIS, record
 from hidden.sizes import Sized, sized
 from hidden.strangers import stranger
 
@@ -242,3 +243,16 @@ def test_the_truth_begins_a_short_record_settled_though_its_parameters_are_hardl
     yardstick = Yardstick(base, None, dict.fromkeys(hidden, 0.01))
     numbers = fit.noise.quadratic(fit.model, []).fitted - base.noise.quadratic(base.model, []).fitted
     assert yardstick.evidence(fit, None, fit.model.effects, 1.0).beginnings < numbers
+
+
+@pytest.mark.slow
+def test_records_kept_back_cost_what_a_fit_to_them_too_leaves():
+    """One step of Newton's, with rough derivatives of what is not linear, leads where both records are fitted best."""
+    hidden = {"coulomb_friction": NAMED["coulomb_friction"]}
+    train, other = record(hidden, 3), record(hidden, 4, 0.8)
+    base, kept_back = compare(Model(ONE_AXIS.rig), train), compare(Model(ONE_AXIS.rig), other)
+    fit = refit(base.of(base.model.add(find("coulomb_friction"))).renewed())
+    kept_back = kept_back.of(fit.model).renewed()
+    yardstick = Yardstick(base, kept_back, {"coulomb_friction": 0.05})
+    joint = refit(Comparison(fit.model, [train, other], Noise.of_parts([*fit.noise.parts, *kept_back.noise.parts])))
+    assert yardstick.evidence(fit, kept_back, fit.model.effects, 1.0).cost == pytest.approx(joint.cost, abs=1.0)

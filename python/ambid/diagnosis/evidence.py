@@ -45,7 +45,7 @@ from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
 from ambid.model import Model, Parameter
-from ambid.noise import Comparison
+from ambid.noise import Comparison, Quadratic
 from ambid.noise.known import known_residual, known_slopes
 
 USUAL = 0.3
@@ -362,14 +362,20 @@ def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
 
     One step of Newton's leads there. What a fit to little does not determine, the others correct.
     """
-    own, free = kept_back.model, list(range(len(fit.model.names)))
-    known, slopes = known_residual(own), known_slopes(own, free)  # which count once
-    further = kept_back.noise.quadratic(own, free)
+    own, further = kept_back.model, _about(kept_back)
+    known, slopes = known_residual(own), known_slopes(own, range(len(own.names)))  # which count once
     scale = np.array([p.scale for p in own.parameters])
     gradient = (further.gradient + slopes.T @ known) * scale
-    hessian = fit.noise.quadratic(fit.model, free).hessian + further.hessian - slopes.T @ slopes
+    hessian = _about(fit).hessian + further.hessian - slopes.T @ slopes
     inverse, _ = inverted(hessian * np.outer(scale, scale))
     return further.cost - float(known @ known) - float(gradient @ inverse @ gradient)
+
+
+def _about(fit: Comparison) -> Quadratic:
+    """J about a model, by all its parameters; see `RecordLines.white` for derivatives of a nonlinear one."""
+    model = fit.model
+    roughly = not model.is_linear and model.without_nonlinear().is_stable
+    return fit.noise.quadratic(model, range(len(model.names)), roughly=roughly)
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:
@@ -390,7 +396,7 @@ def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
     size = np.array([p.scale for p in parameters])
     for kind in kinds:
         size[kind] = np.linalg.norm(fit.model.theta[kind])
-    hessian = fit.noise.quadratic(fit.model, list(range(len(size)))).hessian * np.outer(size, size)
+    hessian = _about(fit).hessian * np.outer(size, size)
     others = [k for k in range(len(size)) if k not in own]
     cross = hessian[np.ix_(own, others)]
     among = hessian[np.ix_(others, others)]

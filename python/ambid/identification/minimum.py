@@ -48,7 +48,8 @@ class WhitenedProblem(LeastSquares):
         if self._before is not None:  # transients change with the parameters
             step, before = theta[self.free] - self._before[0][self.free], self._before[1]
             near = [d + step @ slope for d, slope in zip(before.transients, before.transient_slopes, strict=True)]
-        found = self.noise.quadratic(self.model.with_theta(theta), self.free, near, roughly=self.roughly)
+        here = self.model.with_theta(theta)
+        found = self.noise.quadratic(here, self.free, near, roughly=self.roughly, shortly=self.roughly)
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
 

@@ -164,7 +164,7 @@ class RecordLines(NoisyLines):
         while len(self._transients) > REMEMBERED:
             self._transients.pop(next(iter(self._transients)))
 
-    def white(self, here: Model, free: Sequence[int], *, roughly: bool = False) -> White:
+    def white(self, here: Model, free: Sequence[int], *, roughly: bool = False, shortly: bool = False) -> White:
         """Residual at the best transient, and derivatives by the parameters in `free`, both freed from the transient.
 
         Parameters
@@ -174,9 +174,10 @@ class RecordLines(NoisyLines):
         free : sequence of int
         roughly : bool
             Of a nonlinear model take the derivatives by all but its nonlinear effects' parameters from the model
-            without those, and a settled response after a short lead: near enough to lead a descent, several times as
-            fast. Derivatives by errors of values that are known to a tolerance are taken so wherever that model is
-            stable.
+            without those, which must be stable: nearly parallel to the exact ones, several times as fast. Derivatives
+            by errors of values that are known to a tolerance are taken so wherever that model is stable.
+        shortly : bool
+            Take a settled response after a short lead: near enough to lead a descent.
         """
         core, theta, own = here.loop.core, here.theta, list(free)
         if here.is_linear:
@@ -189,7 +190,7 @@ class RecordLines(NoisyLines):
         some = roughly or linear.is_stable
         shared = [k for k, i in enumerate(own) if some and self._is_near_enough(here, linear, i, roughly=roughly)]
         exact = [k for k in range(len(own)) if k not in shared]
-        response, derivatives = self._simulated(here, [own[k] for k in exact], roughly=roughly)
+        response, derivatives = self._simulated(here, [own[k] for k in exact], shortly=shortly)
         basis, left = self._own_transients, self.whiten(self.measured_lines - response)
         columns = np.empty((len(left), len(own)))
         if exact:
@@ -316,11 +317,11 @@ class RecordLines(NoisyLines):
     def _own_transients(self) -> FloatArray:
         return orthonormal(self.whiten(self._basis))
 
-    def _simulated(self, here: Model, free: list[int], *, roughly: bool = False) -> tuple[ComplexArray, ComplexArray]:
+    def _simulated(self, here: Model, free: list[int], *, shortly: bool = False) -> tuple[ComplexArray, ComplexArray]:
         """Judged lines of a nonlinear model's response and of its derivatives, simulated in time."""
         if self._starts_at_rest is None:
             self._starts_at_rest = self._begins_at_rest(here)
-        if roughly and not self._starts_at_rest:
+        if shortly and not self._starts_at_rest:
             return self._in_time.nearly(here, free)
         return self._in_time.lines(here, free, at_rest=self._starts_at_rest)
 

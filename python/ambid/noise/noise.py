@@ -24,6 +24,8 @@ from ambid.record import Measurement
 
 Part = RecordLines | ResponseLines
 OnLines = dict[_core.ClosedLoop, list[tuple[int, RecordLines, _core.LineData]]]
+_Known = tuple[object, tuple[int, ...], tuple[bool, bool]]
+"""A model, its free parameters, and whether the form is found roughly, and shortly."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,7 @@ class Noise:
         self.parts = tuple(parts)
         self.records = tuple(part.record for part in parts)
         self.lines = sum(part.judged for part in parts)
-        self._known: dict[tuple[object, tuple[int, ...], bool], Quadratic] = {}
+        self._known: dict[_Known, Quadratic] = {}
 
     @classmethod
     def rough(cls, model: Model, records: Sequence[Measurement], damping: float = 0.0) -> Noise:
@@ -205,7 +207,13 @@ class Noise:
         return residual, np.vstack([*(own.slopes for own in found), known_slopes(model, free)])
 
     def quadratic(
-        self, model: Model, free: Sequence[int], near: Sequence[FloatArray] = (), *, roughly: bool = False
+        self,
+        model: Model,
+        free: Sequence[int],
+        near: Sequence[FloatArray] = (),
+        *,
+        roughly: bool = False,
+        shortly: bool = False,
     ) -> Quadratic:
         """J about a model; small whatever the length of the records.
 
@@ -215,15 +223,15 @@ class Noise:
         free : sequence of int
         near : sequence of ndarray
             Transients of each record that are close to the best ones, as an earlier call found them.
-        roughly : bool
+        roughly, shortly : bool
             See `RecordLines.white`.
         """
-        place = self._place(model)
-        key: tuple[object, tuple[int, ...], bool] = (place, tuple(free), roughly)
-        if not free:  # J alone, which any of them gives
-            key = next((known for known in reversed(self._known) if known[0] == place), key)
+        place, care = self._place(model), (False, False) if model.is_linear else (roughly, shortly)
+        key: _Known = (place, tuple(free), care)
+        if not free:  # J alone, which any of them gives that is of a long lead
+            key = next((known for known in reversed(self._known) if known[0] == place and not known[2][1]), key)
         if key not in self._known:
-            self._keep(key, self._quadratic(model, free, near, roughly))
+            self._keep(key, self._quadratic(model, free, near, care))
         return self._known[key]
 
     def on_lines(self, model: Model) -> OnLines | None:
@@ -246,17 +254,19 @@ class Noise:
             transients[k], turning[k] = transient, slopes
             part.remember(part.at(model), transient, fitted)
         found = Quadratic(ended["hessian"], ended["gradient"], ended["cost"], sum(ended["fitted"]), transients, turning)
-        self._keep((self._place(model), tuple(free), False), found)
+        self._keep((self._place(model), tuple(free), (False, False)), found)
 
     def _place(self, model: Model) -> object:
         return tuple(part.at(model).loop.core for part in self.parts), model.theta.tobytes()
 
-    def _keep(self, key: tuple[object, tuple[int, ...], bool], found: Quadratic) -> None:
+    def _keep(self, key: _Known, found: Quadratic) -> None:
         self._known[key] = found
         while len(self._known) > REMEMBERED:
             self._known.pop(next(iter(self._known)))
 
-    def _quadratic(self, model: Model, free: Sequence[int], near: Sequence[FloatArray], roughly: bool) -> Quadratic:
+    def _quadratic(
+        self, model: Model, free: Sequence[int], near: Sequence[FloatArray], care: tuple[bool, bool]
+    ) -> Quadratic:
         size, cost, fitted = len(free), 0.0, 0
         hessian, gradient = np.zeros((size, size)), np.zeros(size)
         transients, turning = [np.zeros(0)] * len(self.parts), [np.zeros((size, 0))] * len(self.parts)
@@ -266,7 +276,7 @@ class Noise:
             if here.is_linear and part.is_in_time:
                 own.setdefault((here.loop.core, here.theta.tobytes()), []).append((k, part, here))
                 continue
-            residual, columns, states, _ = part.white(here, free, roughly=roughly)
+            residual, columns, states, _ = part.white(here, free, roughly=care[0], shortly=care[1])
             # whitened numbers whose squares no sum can hold
             if max(np.abs(residual).max(initial=0.0), np.abs(columns).max(initial=0.0)) > 1e100:
                 raise UnstableLoopError(f"{part.record.name}: the response of the model passes all bounds")

@@ -93,7 +93,7 @@ class ResponseLines:
         independent = independent_numbers(float(np.mean(apart**2)) / 6.0)
         return np.full(self.numbers, np.clip(most / independent, 1.0, most))
 
-    def white(self, here: Model, free: Sequence[int], *, roughly: bool = False) -> White:
+    def white(self, here: Model, free: Sequence[int], *, roughly: bool = False, shortly: bool = False) -> White:
         """Residual and derivatives, as `RecordLines.white`; there is no transient, and no rough way."""
         response, slopes = self._response(here, free)
         nothing = np.zeros((self.numbers, 0))
