@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from ambid import Model, compare, diagnose, identify, prbs
 from ambid.diagnosis import refits, search
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.evidence import Evidence, Kind, Yardstick
+from ambid.diagnosis.evidence import BOUNDLESS, Evidence, Kind, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
@@ -158,6 +158,29 @@ def test_the_best_set_is_carried_on_though_it_had_fallen_behind(monkeypatch):
     assert (end.foremost.names, carried) == (best, [best])
 
 
+@pytest.mark.parametrize(("left", "leads_on"), [(1e5, True), (7e5, False)])
+def test_what_leads_nowhere_is_tried_with_no_more(monkeypatch, left, leads_on):
+    """Of n effects that are missing, the largest explains no less than 1/n of what was left."""
+    fit = compare(Model(ONE_AXIS.rig), record({}, 3))
+    names = [frozenset(own) for own in ((), ("back_emf",), ("back_emf", "eddy_currents"))]
+    tried = {
+        own: Hypothesis(tuple(map(find, own)), fit, None, 1.0, of(more))
+        for own, more in zip(names, (1e6, 8e5, left), strict=True)
+    }
+    carried = []
+
+    def noted(task, field, names, *, by_scores=False):
+        if not by_scores:
+            carried.append(names)
+        yield field
+
+    monkeypatch.setattr(search, "_carried_on", noted)
+    monkeypatch.setattr(search, "without", lambda field, *_: field)
+    monkeypatch.setattr(search, "_with_twins", lambda *_: ())
+    list(search.reconsidered(None, Field(None, tried, {})))
+    assert carried == [names[-1]] * leads_on
+
+
 def test_what_is_left_of_a_set_is_fitted_from_the_values_that_it_had_without(monkeypatch):
     """Where the effect that is taken out held the loop, its own values make none; places are those beside it."""
     rig = BENCHES["bench"].rig
@@ -256,3 +279,14 @@ def test_records_kept_back_cost_what_a_fit_to_them_too_leaves():
     yardstick = Yardstick(base, kept_back, {"coulomb_friction": 0.05})
     joint = refit(Comparison(fit.model, [train, other], Noise.of_parts([*fit.noise.parts, *kept_back.noise.parts])))
     assert yardstick.evidence(fit, kept_back, fit.model.effects, 1.0).cost == pytest.approx(joint.cost, abs=1.0)
+
+
+def test_no_loop_that_leaves_all_bounds_made_a_record_that_was_kept_back():
+    """It is worth nothing, and ends no search."""
+    train, loud = record({}, 3), record({}, 4, 10.0)
+    base, kept_back = (compare(Model(ONE_AXIS.rig), own) for own in (train, loud))
+    model = base.model.add(find("force_nonlinearity"), {})
+    yardstick = Yardstick(base, kept_back, {"force_nonlinearity": 0.05})
+    found = yardstick.evidence(base.of(model), kept_back.of(model), model.effects, 1.0)
+    assert found.cost == BOUNDLESS
+    assert found.expected > base.dof + 0.9 * kept_back.dof

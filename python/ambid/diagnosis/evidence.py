@@ -237,14 +237,14 @@ class Yardstick:
         on_tones, waves = fit.noise.on_tones(fit.model)
         fits = [(fit, self.base)]
         if kept_back is not None and self.kept_back is not None:
-            dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
             try:
                 further = _further_cost(fit, kept_back)
+                dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
                 fits.append((kept_back, self.kept_back))
                 at_waves = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]
-            except UnstableLoopError:
-                further = BOUNDLESS  # no such record was made by a loop that leaves all bounds
+            except UnstableLoopError:  # no such record was made by a loop that leaves all bounds
+                further, dof = BOUNDLESS, kept_back.noise.lines
             cost, expected = cost + further, expected + dof
             variance += deviation(self.kept_back) ** 2
         prefixes = tuple(f"{effect.name}." for effect in added)

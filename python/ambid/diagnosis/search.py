@@ -70,7 +70,7 @@ def _leads_on(field_: Field, size: int) -> bool:
     best = field_.foremost
     if len(best.names) < size or field_.is_explained:
         return len(best.names) >= size
-    before = min(h.evidence.beyond for h in field_.tried.values() if len(h.names) == size - 1)
+    before = min((h.evidence.beyond for h in field_.tried.values() if len(h.names) == size - 1), default=np.inf)
     return best.evidence.beyond <= before * (1.0 - 1.0 / (MOST_EFFECTS - size + 1))
 
 
@@ -213,13 +213,14 @@ def _price(task: Task, c: Candidate) -> float:
 def reconsidered(task: Task, field_: Field) -> Iterator[Field]:
     """The best set with more, with each of its effects taken out, and another in its place, until it is the best.
 
-    Where it does not explain, another is in its place where scores call for it: all else was tried on the way to it.
+    Where it does not explain, it is tried with more as long as more may explain, and another is in its place where
+    scores call for it: all else was tried on the way to it.
     """
     best = None
     while best is None or field_.foremost.names != best:
         best = field_.foremost.names
-        is_new = best not in field_.rankings and len(best) < MOST_EFFECTS
-        for further in _carried_on(task, field_, best) if is_new else ():
+        may_lead_on = len(best) < MOST_EFFECTS and _leads_on(field_, len(best))
+        for further in _carried_on(task, field_, best) if may_lead_on and best not in field_.rankings else ():
             yield (field_ := further)  # it had fallen behind, and lies ahead by what was tried since
         for effect in field_.tried[best].added if len(best) > 1 else ():  # else what is beside the base was tried
             names = best - {effect.name}
