@@ -1,12 +1,14 @@
 """The ranking puts first what is hidden: effects of a rotor and of several axes, in short records of the bench."""
 
 import pytest
+from scipy.optimize import brentq
 
 import ambid
 from ambid.diagnosis import rank
 from ambid.diagnosis.ranking import silent
 from ambid.diagnosis.refits import ranked
 from ambid.diagnosis.task import Task
+from ambid.effects import find
 from ambid.loop.effect import EffectParameter
 from hidden.bench import measured
 from hidden.families import BENCHES
@@ -63,3 +65,19 @@ def test_where_misfit_has_driven_a_model_off_effects_are_judged_where_it_began_t
     assert ranked(task, near).at_fit == ()
     assert [c.score for c in both.candidates] == pytest.approx(scores[0])
     assert [c.score for c in both.at_fit] == pytest.approx(scores[1])
+
+
+def test_a_lag_is_scored_where_a_probe_of_it_would_drive_the_loop():
+    """A part of it does not, and says as much; a refit begins where a loop stands."""
+    own = find("loop_delay")
+    model = ambid.Model(ONE_AXIS.rig)
+    edge = brentq(lambda tau: model.with_values({"tau_e": tau}).decay_rate, 1e-4, 5e-3)
+    near = model.with_values({"tau_e": 0.999 * edge})
+    probe = {p.name: p.probe for p in own.parameters(ONE_AXIS.rig)}
+    assert near.is_stable
+    assert not near.add(own, probe).is_stable
+    train = measured(ONE_AXIS.rig, ONE_AXIS.excitation(ONE_AXIS.amplitude), {}, seed=1, **ONE_AXIS.truth)
+    comparison = ambid.compare(near, train)
+    (found,) = rank(comparison, [own]).candidates
+    assert near.add(own, found.start).is_stable
+    assert 0.0 < found.smallest_visible["delay"] < probe["delay"]

@@ -242,14 +242,17 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
         rest = names - {effect.name}
         if rest not in field_.rankings or rest not in field_.tried:
             continue
-        before = field_.tried[rest]
+        before, candidates = field_.tried[rest], field_.rankings[rest].candidates
         mine = traits_of(effect, best.fit.model).keys()
-        for c in field_.rankings[rest].candidates:
+        # of what the effect explains, or of what its own score says of that, which may be understated by more
+        own = [c.score for c in candidates if c.effect.name == effect.name and not _is_blind(before, c)]
+        half = 0.5 * min([field_.left_by(before) / UNDERSTATED, *own])
+        for c in candidates:
             there = _where_it_is(c, effect)
             if c.effect.name in names or (there is c and rest | {c.effect.name} in field_.tried):
                 continue
             is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
-            explains = is_twin and UNDERSTATED * c.score > 0.5 * field_.left_by(before)
+            explains = is_twin and c.score > half
             acts_alike = is_twin or effect.name in c.confusable_with
             if explains or (acts_alike and _may_win(task, field_, before, c)):
                 with suppress(ModelError):
