@@ -54,7 +54,7 @@ LATER = {
     "the near twins": (procedure, "families", 0),
     "the steps of the search": (search, "added", 0),
     "the verdict": (procedure, "judged", 0),
-    "what is left": (verdict, "largest_change", 0),
+    "what is left": (verdict, "changes_of", 0),
     "the intervals": (procedure, "covariance", 0),
     "the next experiment": (procedure, "next_steps", 0),
 }

@@ -1,11 +1,10 @@
 """Parameters that change during a record: seen where they do, and not where nothing changes."""
 
-import numpy as np
 import pytest
 
 import ambid
 from ambid.diagnosis import diagnose
-from ambid.diagnosis.drift import largest_change
+from ambid.diagnosis.drift import Change, changes_of, largest_change
 from hidden.bench import simulate
 from hidden.experiment import experiment
 from hidden.families import BENCHES
@@ -22,6 +21,11 @@ def measured(own, hidden, seed, *, periods=6, order=9, rig=None, hold=None):
     return simulate(rig, i_e, hidden, seed=seed, period=hold * (2**order - 1), **own.truth, **own.noise)
 
 
+def change_in(comparison) -> Change | None:
+    """Beyond chance."""
+    return largest_change(changes_of(comparison))
+
+
 def with_light_modes(own):
     """Bending modes of 0.3 % damping, split by the speed; a digital controller."""
     rotor = own.rig.rotor.model_copy(update={"modal_damping": 0.003})
@@ -32,33 +36,55 @@ def with_light_modes(own):
 @pytest.mark.parametrize("own", [ONE_AXIS, BENCH], ids=["one axis", "two bearings"])
 @pytest.mark.parametrize("fraction", first_fast([0.15, -0.05]))
 def test_a_force_that_drifts_is_seen_and_its_size_is_right(own, fraction):
-    """A ramp of relative height h stands with an amplitude of h / pi at one cycle per record."""
+    """A ramp of all forces, K_i and K_s being nearly alike."""
     record = measured(own, {"force_current_drift": {"fraction": fraction}}, 1)
-    change = largest_change(ambid.identify(own.rig, record).comparison)
+    change = change_in(ambid.identify(own.rig, record).comparison)
     assert change is not None
-    assert change.cycles == 1
+    assert change.cycles == 0
     assert change.parameter.startswith("K_")
     settled = 5 / 6  # of the record
     if change.parameter.startswith("K_i"):
-        assert change.relative == pytest.approx(abs(fraction) * settled / np.pi, rel=0.4)
+        assert change.relative == pytest.approx(fraction * settled, rel=0.3)
 
 
 def test_a_stiffness_that_swings_is_seen_at_its_frequency():
     record = measured(ONE_AXIS, {"parametric_stiffness": {"stiffness": 4e4, "frequency_hz": 1.4}}, 1, periods=8)
-    change = largest_change(ambid.identify(ONE_AXIS.rig, record).comparison)
+    change = change_in(ambid.identify(ONE_AXIS.rig, record).comparison)
     assert change is not None
     assert change.cycles == 2
     assert change.frequency_hz == pytest.approx(1.4, rel=0.01)
 
 
-@pytest.mark.parametrize(("effect", "cycles"), first_fast([("force_current_drift", 1), ("parametric_stiffness", 6)]))
+@pytest.mark.parametrize(("effect", "cycles"), first_fast([("force_current_drift", 0), ("parametric_stiffness", 6)]))
 def test_a_small_change_does_not_hide_in_the_noise_that_it_raises(effect, cycles):
     """Half a per cent of K_i, or of K_s at 3.7 Hz, more cycles a record than there are periods."""
     rig, record, _, _ = experiment(effect, "clear", 5, kind="compressor")
-    change = largest_change(ambid.identify(rig, record).comparison)
+    change = change_in(ambid.identify(rig, record).comparison)
     assert change is not None
     assert change.criterion.fails
     assert change.cycles == cycles
+
+
+def test_what_all_forces_do_together_is_seen_where_none_stands_out():
+    """A tenth of a per cent, such as of magnets that warm."""
+    record = measured(BENCH, {"force_current_drift": {"fraction": 0.001}}, 1, periods=4)
+    change = change_in(ambid.identify(BENCH.rig, record).comparison)
+    assert change is not None
+    assert (change.parameter, change.cycles) in (("K_i", 0), ("K_s", 0))
+
+
+@pytest.mark.slow
+def test_what_each_of_two_records_shows_a_little_of_is_likely_in_both():
+    train, validate = (
+        measured(BENCH, {"parametric_stiffness": {"stiffness": 4e3, "frequency_hz": 3.7}}, seed, periods=4)
+        for seed in (1, 2)
+    )
+    fit = ambid.identify(BENCH.rig, train).comparison
+    assert change_in(fit) is None
+    assert change_in(ambid.compare(fit.model, validate).renewed()) is None
+    found = diagnose(BENCH.rig, train, validate=validate)
+    assert found.comparison.misfit < 1.02
+    assert found.probabilities.something_else > 0.5
 
 
 PEAKED = [
@@ -72,7 +98,7 @@ PEAKED = [
 @pytest.mark.parametrize("cells", first_fast([PEAKED[:1], PEAKED]), ids=["one", "all"])
 def test_a_peak_of_noise_on_a_line_or_two_is_no_change(cells):
     """In one of a hundred records, at the most."""
-    found = [largest_change(ambid.identify(*made(index)).comparison) for index in cells]
+    found = [change_in(ambid.identify(*made(index)).comparison) for index in cells]
     assert sum(own is not None and own.criterion.fails for own in found) <= 0.01 * len(cells)
 
 
@@ -81,7 +107,7 @@ def test_a_record_of_a_drifting_force_is_not_adequate():
     assert found.verdict != "adequate"
     (change,) = (own for own in found.findings if own.code == "parameter_seems_to_change")
     (drift,) = (own for own in found.to_json()["adequacy"] if own["test"] == "drift")
-    assert drift["statistic"] == pytest.approx(change.values["power"] / 2.0)
+    assert drift["statistic"] == pytest.approx(change.values["power"])
     assert drift["statistic"] > drift["limit"]
 
 
@@ -110,7 +136,7 @@ def test_where_nothing_changes_nothing_is_said(machine):
         record = measured(own, {}, seed, **settings)
         found = ambid.identify(settings.get("rig", own.rig), record)
         assert found.is_adequate
-        assert largest_change(found.comparison) is None, seed
+        assert change_in(found.comparison) is None, seed
 
 
 @pytest.mark.parametrize("seed", [1, 2])
@@ -120,9 +146,9 @@ def test_noise_that_a_limit_modulates_is_no_change(seed):
     (axis,) = ONE_AXIS.rig.axes
     truth = {f"K_i.{axis}": ONE_AXIS.K_i[0], f"K_s.{axis}": ONE_AXIS.K_s[0], "tau_e": ONE_AXIS.tau_e}
     model = ambid.Model(ONE_AXIS.rig).with_values(truth).add("command_saturation", {"inverse_limit": 1.0 / 1.2})
-    assert largest_change(ambid.compare(model, run).renewed()) is None
+    assert change_in(ambid.compare(model, run).renewed()) is None
 
 
 def test_fewer_than_three_settled_periods_say_nothing():
     record = measured(ONE_AXIS, {"force_current_drift": {"fraction": 0.15}}, 1, periods=3)
-    assert largest_change(ambid.identify(ONE_AXIS.rig, record).comparison) is None
+    assert change_in(ambid.identify(ONE_AXIS.rig, record).comparison) is None

@@ -46,6 +46,7 @@ from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
 from ambid.model import Model, Parameter
 from ambid.noise import Comparison, Quadratic
+from ambid.noise.chance import log_odds_against
 from ambid.noise.known import known_residual, known_slopes
 
 USUAL = 0.3
@@ -148,9 +149,8 @@ class Evidence:
 
     @property
     def against(self) -> float:
-        """Log of the odds against noise of this power, at the most (Sellke and others, Am. Stat. 55 (2001) 62)."""
-        log_p = float(log_ndtr((self.expected - self.cost) / self.deviation))
-        return max(0.0, -1.0 - log_p - np.log(-log_p)) if log_p < -1.0 else 0.0
+        """Log of the odds against noise of this power, at the most."""
+        return log_odds_against(float(log_ndtr((self.expected - self.cost) / self.deviation)))
 
     def beside(
         self, left: float, least: Evidence, ways: FloatArray, shape: float = 0.0, prior: float = NAMELESS

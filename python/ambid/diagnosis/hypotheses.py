@@ -125,11 +125,14 @@ class Field:
         """Of the sets that were asked for."""
         return {}
 
-    def besides(self, hypothesis: Hypothesis, shape: float = 0.0, *, is_clean: bool = True) -> tuple[float, float]:
+    def besides(
+        self, hypothesis: Hypothesis, shape: float = 0.0, changing: float = 0.0, *, is_clean: bool = True
+    ) -> tuple[float, float]:
         """Log evidence of a set beside what its formulas leave, and beside something else.
 
         A set that leaves what is not clean has not left it by its formulas. What it has left by these, something else
-        may have done as well, and what is shown beyond that and beyond what they may leave.
+        may have done as well, and what is shown beyond that and beyond what they may leave. Something that changes
+        during the records shows between the lines, where J does not look: `changing` is the log of its odds.
         """
         own, shown = hypothesis.evidence, self.shown_by(hypothesis)
         if is_clean and self.is_of_formulas(hypothesis):
@@ -137,10 +140,11 @@ class Field:
             is_measured = all(part.noise_is_measured for part in hypothesis.fit.noise.in_time)
             share = OF_FORMULAS if is_measured else SHAPE_OF_FORMULAS
             further = max(0.0, shown.beyond - max(self.left_by(hypothesis), self.left_by_formulas(hypothesis, share)))
-            return of_formulas, of_formulas - INEXACT + NAMELESS + 0.5 * further
+            return of_formulas, of_formulas - INEXACT + NAMELESS + max(0.5 * further, changing)
         left = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
-        seen = self.alone(own) + self._lowest.against - left.against + shown.odds + NAMELESS
-        return -np.inf, max(self.beside(own, shape), seen)
+        alone = self.alone(own)
+        seen = alone + self._lowest.against - left.against + shown.odds + NAMELESS
+        return -np.inf, max(self.beside(own, shape), seen, alone + changing + NAMELESS if changing else -np.inf)
 
     def stood_in_for(self, hypothesis: Hypothesis, shape: float = 0.0) -> Iterator[tuple[Hypothesis, float]]:
         """Sets within a set, and how much likelier something else that acts as its other effects do is than these.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.diagnosis.drift import Change, largest_change
+from ambid.diagnosis.drift import Change, changes_of, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
 from ambid.loop.effect import Tone
@@ -40,7 +40,10 @@ SHAPE = Kind(
 )
 GROWTH = Kind("missing_growth", "note", "what is missing grows with the amplitude to the power {exponent:.1f}")
 CHANGES = Kind(
-    "parameter_changes", "note", "{parameter} changes during the record by {change:.2g|%} at {frequency_hz:.3g} Hz"
+    "parameter_changes",
+    "note",
+    "{parameter} changes during the record[ by {change:.2g|%} at {frequency_hz:.3g} Hz][ by {drift:.2g|%} from its "
+    "begin to its end]",
 )
 LINE = Kind(
     "unexplained_line",
@@ -137,8 +140,8 @@ class Localisation(WithFindings):
         The port type that explains most first, of the record whose misfit is largest.
     tones : tuple of Tone
         Lines that belong neither to the excitation nor to the model.
-    change : Change or None
-        Parameter that changes during a record.
+    changes : tuple of Change
+        What stands out most as a change of a parameter during each record.
     growth : tuple of Growth
         One per record of that operating point.
     exponent : float
@@ -152,11 +155,16 @@ class Localisation(WithFindings):
     maps: tuple[MisfitMap, ...]
     ports: tuple[Port, ...]
     tones: tuple[Tone, ...]
-    change: Change | None
+    changes: tuple[Change, ...]
     growth: tuple[Growth, ...]
     exponent: float
     cells: tuple[Cell, ...]
     worst: int = 0
+
+    @property
+    def change(self) -> Change | None:
+        """Parameter that changes during a record, beyond chance."""
+        return largest_change(self.changes)
 
     @property
     def kind(self) -> str:
@@ -215,12 +223,7 @@ class Localisation(WithFindings):
         if np.isfinite(self.exponent):
             yield GROWTH(NOWHERE, exponent=self.exponent)
         if (change := self.change) is not None:
-            own: dict[str, Any] = {
-                "parameter": change.parameter,
-                "change": change.relative,
-                "frequency_hz": change.frequency_hz,
-            }
-            yield CHANGES(Where(record=change.record), **own)
+            yield CHANGES(Where(record=change.record), **change.values)
         for tone in self.tones:
             if tone.power > OUTSTANDING:
                 yield LINE(NOWHERE, frequency_hz=tone.frequency_hz)
@@ -240,19 +243,19 @@ def localise(comparison: Comparison) -> Localisation:
         If the noise of a record is not known.
     """
     left, model, noise = comparison.renewed(), comparison.model, comparison.noise
-    change = largest_change(left)
+    changes = tuple(changes_of(left))
     misfits = [np.mean(white**2) for white in noise.by_record(noise.residual(model))]
     worst = int(np.argmax(misfits))
     ports = needed_at_ports(comparison, worst)
-    kind = Localisation((), ports, left.tones, change, (), np.nan, ()).kind
+    kind = Localisation((), ports, left.tones, changes, (), np.nan, ()).kind
     growth = [
         _growth(part, model)
         for part in noise.in_time
         if part.window.is_periodic and part.record.point == noise.records[worst].point
     ]
     maps = misfit_maps(comparison)
-    cells = _cells(maps, left, change, kind)
-    return Localisation(maps, ports, left.tones, change, tuple(growth), _exponent(growth), cells, worst)
+    cells = _cells(maps, left, largest_change(changes), kind)
+    return Localisation(maps, ports, left.tones, changes, tuple(growth), _exponent(growth), cells, worst)
 
 
 def largest_cell(comparison: Comparison, left: Comparison, change: Change | None) -> Cell:
@@ -271,8 +274,9 @@ def _cells(maps: Sequence[MisfitMap], left: Comparison, change: Change | None, k
     for part in left.noise.in_time:
         cells += [_tone_cell(part.record, tone) for tone in part.tones]
     if change is not None:
-        channel = f"y.{change.parameter.split('.')[-1]}"
-        cells.append(Cell(change.record, channel, (0.0, change.frequency_hz), change.power, "drift"))
+        channel = ".".join(("y", *change.parameter.split(".")[1:]))
+        power = change.criterion.statistic
+        cells.append(Cell(change.record, channel, (0.0, change.frequency_hz), power, "drift"))
     return tuple(sorted(cells, key=lambda cell: -cell.misfit))
 
 

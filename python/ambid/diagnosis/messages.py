@@ -58,8 +58,8 @@ LINE = Kind("residual_line", "note", "a line at {frequency_hz:.2f} Hz is left")
 CHANGES = Kind(
     "parameter_seems_to_change",
     "warning",
-    "{parameter} seems to change during the record, by {change:.2g|%} at {frequency_hz:.3g} Hz ({power:.0f} in units "
-    "of noise, 2 where nothing changes)",
+    "{parameter} seems to change during the record, [by {change:.2g|%} at {frequency_hz:.3g} Hz][by {drift:.2g|%} from "
+    "its begin to its end] ({power:.0f} times what noise brings)",
 )
 VALIDATION = Kind(
     "validation_above_limit",
@@ -115,8 +115,7 @@ def findings_of(verdict: Verdict, noise: Noise, history: Sequence[Step]) -> Iter
     if verdict.word == "none_of_the_candidates":
         yield from _of_the_nameless(verdict)
     if (change := verdict.change) is not None:
-        own: dict[str, Any] = {"change": change.relative, "frequency_hz": change.frequency_hz, "power": change.power}
-        yield CHANGES(Where(record=change.record), parameter=change.parameter, **own)
+        yield CHANGES(Where(record=change.record), **change.values, power=change.criterion.statistic)
     if verdict.shows_elsewhere:
         yield VALIDATION(NOWHERE, misfit=verdict.left.failed("validation")[0].statistic)
     for part in noise.parts:

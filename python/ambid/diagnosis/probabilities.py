@@ -103,6 +103,7 @@ def probabilities(
     against: float = 0.0,
     local: frozenset[str] = frozenset(),
     shape: float = 0.0,
+    changing: float = 0.0,
     clean: frozenset[str] | None = None,
 ) -> Probabilities:
     """Of all sets of a field.
@@ -116,6 +117,8 @@ def probabilities(
         Effects that parts of the records do not show: no set that holds one of them is taken for an explanation.
     shape : float
         Score of a nonlinear shape that something else shows in what the best set leaves.
+    changing : float
+        Log of the odds that parameters change during the records.
     clean : frozenset of str, optional
         A set that leaves nothing to these tests, nor do those that hold it.
     """
@@ -124,7 +127,7 @@ def probabilities(
         if own.names & local:
             continue
         is_clean = not against or (clean is not None and clean <= own.names)
-        of_formulas, something_else = field.besides(own, shape, is_clean=is_clean)
+        of_formulas, something_else = field.besides(own, shape, changing, is_clean=is_clean)
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
         weighed += [(of_formulas, own.effects, False), (something_else, own.effects, True)]
         beside = something_else if np.isinf(of_formulas) else field.beside(own.evidence, shape)

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.confirmation import Changing, changing, is_everywhere
-from ambid.diagnosis.drift import Change, largest_change
+from ambid.diagnosis.drift import Change, changes_of, largest_change
 from ambid.diagnosis.evidence import OF_FORMULAS, SHAPE_OF_FORMULAS, SURE
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.localisation import Cell, Localisation, largest_cell, localise
@@ -139,14 +139,16 @@ def judged(
     """
     best = chosen or field.best
     base, where = field.base.fit, localise(field.base.fit)
-    change, left = _left(field, best, where)
+    changed, left = _left(field, best, where)
     of, against, local = best.fit, _against(best, left), frozenset[str]()
     if best.added and not task.validate and base.adequacy.is_within and not is_everywhere(base, best.fit):
         local = best.names
     score = max((own.values["score"] for own in left.failed("shape")), default=0.0)
-    found = probabilities(field, against, local, score, _clean(field, best, where) if against else None)
+    clean = _clean(field, best, where) if against else None
+    found = probabilities(field, against, local, score, sum(own.odds for own in changed), clean)
     if local:
         best = field.base
+    change = largest_change(changed)
     changes: tuple[Changing, ...] = ()
     is_noise = left.is_within and found.something_else < LIKELY
     if best.added and not is_noise and not is_stopped and not against:
@@ -217,18 +219,17 @@ def _against(own: Hypothesis, left: Adequacy) -> float:
     return EXCLUDED if left.failed("line", "drift", "shape", *(() if own.added else ("power", "motion"))) else 0.0
 
 
-def _left(field: Field, own: Hypothesis, where: Localisation) -> tuple[Change | None, Adequacy]:
-    """What a set leaves: the largest change of a parameter, and all tests of a diagnosis."""
-    fit, made, change = own.fit, own.fit.adequacy, where.change
+def _left(field: Field, own: Hypothesis, where: Localisation) -> tuple[list[Change], Adequacy]:
+    """What a set leaves: changes of parameters, one in each record, and all tests of a diagnosis."""
+    fit, made, changes = own.fit, own.fit.adequacy, list(where.changes)
     if own.added:  # formulas may leave some of a shape
         fit = fit.renewed()
         made = Adequacy().beside(*(test for test in made.tests if test.name != "shape"), *_shapes_left(field, own))
-        change = largest_change(fit)
-    kept_back = None if own.kept_back is None else largest_change(own.kept_back.renewed())
-    changes = [each for each in (change, kept_back) if each is not None]
-    change = max(changes, key=lambda each: each.power, default=None)
-    further = *_lines(fit), *(each.criterion for each in changes), *_validation(own), *_ways(field.shown_by(own))
-    return change, made.beside(*further)
+        changes = changes_of(fit)
+    if own.kept_back is not None:
+        changes += changes_of(own.kept_back.renewed())
+    beyond_chance = (each.criterion for each in changes if each.criterion.fails)
+    return changes, made.beside(*_lines(fit), *beyond_chance, *_validation(own), *_ways(field.shown_by(own)))
 
 
 def _ways(shown: Shown) -> Iterator[Criterion]:

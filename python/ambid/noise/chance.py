@@ -39,6 +39,11 @@ def log_chance(fall: float, degrees: int) -> float:
     return float((shape - 1.0) * np.log(half) - half - gammaln(shape))
 
 
+def log_odds_against(log_p: float) -> float:
+    """Log of the odds against noise of what it brings so rarely, at the most (Sellke, Am. Stat. 55 (2001) 62)."""
+    return max(0.0, -1.0 - log_p - float(np.log(-log_p))) if log_p < -1.0 else 0.0
+
+
 def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
     """The same where so many of the amplitudes may only be positive: each is at its bound in half of all records."""
     if fall <= 0.0:
