@@ -204,6 +204,22 @@ def test_what_is_left_of_a_set_is_fitted_from_the_values_that_it_had_without(mon
     ]
 
 
+def test_sets_that_are_like_the_best_end_where_its_values_lead():
+    """One that a rough descent left a little off is no worse for that."""
+    fit = identify(
+        ONE_AXIS.rig, record({"loop_delay": {"seconds": 2e-6}, "back_emf": {"coefficient": 20.0}}, 1)
+    ).comparison
+    best, like = ((find(lag), find("back_emf")) for lag in ("loop_delay", "amplifier_bandwidth"))
+    right, other = (refit(fit.of(fit.model.add(own[0]).add(own[1]))) for own in (best, like))
+    (k_i,) = (p for p in other.model.parameters if p.name.startswith("K_i"))
+    off = other.of(other.model.with_values({k_i.name: 1.0001 * k_i.value}))
+    field = begun(Task(fit.model, (), (*best, like[0]), silent), fit).with_(best, right).with_(like, off)
+    ends = refits.ended(field, frozenset(effect.name for effect in best))
+    reached = ends.tried[frozenset(effect.name for effect in like)].fit.cost
+    assert off.cost > other.cost + 5.0
+    assert reached < other.cost + 0.5
+
+
 class WaysThatShow(Ways):
     """Those in which so much of J stands, where a set leaves it."""
 

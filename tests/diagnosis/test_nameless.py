@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from ambid import diagnose
@@ -23,20 +24,28 @@ def drawn(seed, dimensions=(1, 2, 3)):
 
 @pytest.mark.parametrize("size", [0.0, 3.0, 30.0])
 def test_odds_are_those_of_a_random_change_in_the_ways_of_effects(size):
-    """Against densities of a normal distribution of all numbers, mean over the powers."""
+    """Against densities of a normal distribution of all numbers, mean over the powers, as effects act or alike."""
     ways, bases, mean = drawn(1)
     residual = np.random.default_rng(2).standard_normal(NUMBERS) + size * bases[1][:, 0]
-    powers = POWERS / np.trace(mean)
+    every = np.linalg.qr(np.concatenate(bases, axis=1))[0]
+    many, densities = np.geomspace(1.0, 1e9, 2001), []
+    for shape in (mean / np.trace(mean), every @ every.T / 6.0):
 
-    def log_density(power):
-        return multivariate_normal(cov=np.eye(NUMBERS) + power * mean).logpdf(residual)
+        def density(power, shape=shape):
+            return multivariate_normal(cov=np.eye(NUMBERS) + power * shape).logpdf(residual)
 
+        best = max(1.0, many[np.argmax([density(power) for power in many])] / np.sqrt(POWERS[-1]))
+        densities += [density(best * power) - density(0.0) for power in POWERS]
     found = ways.shown(residual, ())
-    many = np.geomspace(1.0, 1e9, 2001)
-    best = max(1.0, many[np.argmax([log_density(power / np.trace(mean)) for power in many])] / np.sqrt(POWERS[-1]))
-    odds = [log_density(best * power) - log_density(0.0) for power in powers]
-    assert found.odds == pytest.approx(np.log(np.mean(np.exp(np.array(odds) - max(odds)))) + max(odds), abs=0.05)
+    assert found.odds == pytest.approx(logsumexp(densities) - np.log(len(densities)), abs=0.05)
     assert found.ways == 6
+
+
+def test_a_little_in_all_ways_of_effects_is_something_else_as_much_in_a_few_is():
+    """Few effects act in most of the ways: by their powers alone these would not count."""
+    ways, bases, _ = drawn(7, dimensions=(1,) * 2 + (8,))
+    residual = 3.0 * bases[2].sum(axis=1)
+    assert ways.shown(residual, ()).odds > 10.0
 
 
 def test_noise_alone_speaks_for_nothing_else():

@@ -2,7 +2,8 @@
 
 The whitened changes that each effect can make, freed from what the known parameters absorb, span a space, on which P is
 the projector; K is the mean of all P. Something that has no name adds a random change of the covariance sK to the
-residual, of which nothing is known of the power s but the decades that it is within from where it is seen.
+residual, or one of the same power s in all directions in which K is not zero, as likely. Of s nothing is known but the
+decades that it is within from where it is seen.
 """
 
 from collections.abc import Sequence
@@ -98,19 +99,26 @@ class Ways:
         across = vectors.T[kept] / np.sqrt(values[kept])[:, None]
         directions = across @ (self.rows[~is_known] - of_known @ self.rows[is_known])
         squares = (across @ called_for) ** 2 / (directions**2 @ self.spreads)
-        powers = values[kept] / np.trace(gram)
+        as_effects = _shown(squares, values[kept] / np.trace(gram))
+        alike = _shown(squares, np.full(len(squares), 1.0 / max(1, len(squares))))
+        odds = float(np.logaddexp(as_effects.odds, alike.odds) - np.log(2.0))
+        return max(as_effects, alike)._replace(odds=odds)
 
-        def odds(power: FloatArray) -> FloatArray:
-            shares = power[:, None] * powers
-            return np.asarray(0.5 * np.sum(squares * shares / (1.0 + shares) - np.log1p(shares), axis=1))
 
-        every = np.geomspace(1.0, MOST_POWER, 181)
-        best = float(every[np.argmax(odds(every))])
-        within = POWERS * max(1.0, best / np.sqrt(POWERS[-1]))
-        odds_of_any = float(logsumexp(odds(within)) - np.log(len(within)))
-        parts = best * powers / (1.0 + best * powers)
-        explains, by_chance = float(squares @ parts), float(np.sum(parts) + BEYOND * np.sqrt(2.0 * np.sum(parts**2)))
-        return Shown(odds_of_any, explains, max(0.0, explains - by_chance), float(np.sum(squares)), len(squares))
+def _shown(squares: FloatArray, powers: FloatArray) -> Shown:
+    """By the squares of a residual in some directions, whose powers are so at the power 1."""
+
+    def odds(power: FloatArray) -> FloatArray:
+        shares = power[:, None] * powers
+        return np.asarray(0.5 * np.sum(squares * shares / (1.0 + shares) - np.log1p(shares), axis=1))
+
+    every = np.geomspace(1.0, MOST_POWER, 181)
+    best = float(every[np.argmax(odds(every))])
+    within = POWERS * max(1.0, best / np.sqrt(POWERS[-1]))
+    odds_of_any = float(logsumexp(odds(within)) - np.log(len(within)))
+    parts = best * powers / (1.0 + best * powers)
+    explains, by_chance = float(squares @ parts), float(np.sum(parts) + BEYOND * np.sqrt(2.0 * np.sum(parts**2)))
+    return Shown(odds_of_any, explains, max(0.0, explains - by_chance), float(np.sum(squares)), len(squares))
 
 
 def of_any_power(beyond: float, ways: FloatArray, least: float = 0.0) -> float:

@@ -162,9 +162,24 @@ def _is_hopeless(field_: Field, own: Hypothesis, best: Hypothesis) -> bool:
 
 
 def ended(field_: Field, names: Names) -> Field:
-    """The field with a set at its optimum to the last digit, which the search comes near."""
+    """The field with a set at its optimum to the last digit, which the search comes near.
+
+    Sets that have another effect in the place of one of its, from the values that both have in common: rough descents
+    may end apart, and what distinguishes two sets may be less than that.
+    """
     own = field_.tried[names]
-    return field_.with_(own.added, refit(own.fit), own.variants) if own.added else field_
+    if not own.added:
+        return field_
+    fit = refit(own.fit)
+    field_ = field_.with_(own.added, fit, own.variants)
+    for other in list(field_.tried.values()):
+        is_like = len(other.names) == len(names) == len(names | other.names) - 1 and len(names) > 1
+        if is_like and not _is_hopeless(field_, other, own):
+            with suppress(UnstableLoopError):
+                start = _at_values_of(fit.model, other.fit.model)
+                end = refit(fit.of(start), step=ROUGHLY, bound=other.fit.cost)
+                field_ = field_.with_(other.added, end, other.variants)
+    return field_
 
 
 def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:
@@ -188,7 +203,7 @@ def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
     starts, known = [model], field_.tried.get(hypothesis.names - {effect.name})
     reached = np.inf if known is None else known.fit.cost
     if known is not None:
-        starts.append(model.with_values({p.name: p.value for p in known.fit.model.parameters if p.name in model.names}))
+        starts.append(_at_values_of(known.fit.model, model))
     for start in starts:
         with suppress(UnstableLoopError):  # no loop without it
             fit = refit(hypothesis.fit.of(start), step=ROUGHLY, bound=reached)
@@ -198,7 +213,12 @@ def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
 
 def nominal_beside(task: Task, model: Model) -> Model:
     """The nominal values of the base parameters, the present ones of the effects."""
-    return model.with_values({p.name: p.value for p in task.nominal.parameters if p.name in model.names})
+    return _at_values_of(task.nominal, model)
+
+
+def _at_values_of(other: Model, model: Model) -> Model:
+    """A model at the values of another, as far as that has them."""
+    return model.with_values({p.name: p.value for p in other.parameters if p.name in model.names})
 
 
 def _is_driven_off(task: Task, model: Model) -> bool:
