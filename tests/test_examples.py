@@ -77,6 +77,7 @@ def two_operating_points(names, truth):
     assert names["alone"].verdict == "adequate"
     assert (both.verdict, [*both.effects]) == ("explained", ["gyroscopic_coupling"])
     assert names["factor"] == pytest.approx(0.3, abs=0.02)
+    assert len(both.model.names) == 10  # no gains of its own for another speed
     for own in ambid.compare(both.model, [names["at_rest"], names["at_speed"]]).records:
         assert own.misfit == pytest.approx(1.0, abs=0.1)
     for name, true in (("K_i.A_zeta", 200.0), ("K_i.A_zeta@7.2A", 200.0), ("tau_e", 4e-4)):

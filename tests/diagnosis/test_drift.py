@@ -95,7 +95,7 @@ PEAKED = [
 """Modes of 0.1 %: there the noise has peaks, and a pattern may have nearly all of its energy on one line."""
 
 
-@pytest.mark.parametrize("cells", first_fast([PEAKED[:1], PEAKED]), ids=["one", "all"])
+@pytest.mark.parametrize("cells", first_fast([PEAKED[:1], PEAKED[::2]]), ids=["one", "many"])
 def test_a_peak_of_noise_on_a_line_or_two_is_no_change(cells):
     """In one of a hundred records, at the most."""
     found = [change_in(ambid.identify(*made(index)).comparison) for index in cells]

@@ -9,7 +9,7 @@ from hidden.one_axis import ONE_AXIS, record
 from tiers import first_fast
 
 
-@pytest.mark.parametrize("effect", first_fast(["loop_delay", None, "seal_forces"]))
+@pytest.mark.parametrize("effect", first_fast(["loop_delay", "seal_forces"]))
 def test_identify_compare_rank_and_diagnose_state_one_misfit(effect, tmp_path):
     if effect == "loop_delay":
         rig, train = ONE_AXIS.rig, record({effect: {"seconds": 5e-5}}, 11)

@@ -52,7 +52,8 @@ def test_runout_is_named_where_no_force_belongs_to_the_line(harmonic):
     hidden = {"sensor_runout": {"amplitude": [4e-7, 2e-7, 3e-7, 5e-7], "harmonic": harmonic, "phase": 0.7}}
     i_e = replace(BENCH, order=7, periods=5).excitation(BENCH.amplitude, 3)
     record = measured(SLOW, i_e, hidden, seed=3, **BENCH.truth, **BENCH.noise)
-    found = ambid.diagnose(SLOW, record)
+    like = [find(name) for name in ("sensor_runout", "periodic_disturbance", "unbalance", "gyroscopic_coupling")]
+    found = ambid.diagnose(SLOW, record, catalogue=like)
     if harmonic > 1:  # at one speed a force of its own on every axis does the same
         assert found.verdict == "ambiguous", found
         assert {frozenset(names) for names in found.ambiguous_sets} == {

@@ -41,8 +41,6 @@ def cut(record, first, samples):
     ("cut_at", "weights", "with_i_c"),
     [
         pytest.param(388, "likelihood", True, id="cut"),
-        pytest.param(388, "likelihood", False, id="cut, y alone"),
-        pytest.param(None, "eq9", True, id="whole by eq. 9"),
         pytest.param(None, "eq9", False, id="whole by eq. 9, y alone"),
         pytest.param(None, "likelihood", False, id="whole, y alone"),  # with i_c: test_closed_loop
     ],

@@ -118,18 +118,6 @@ def test_a_second_bias_current_tells_saturation():
     assert found.model.at(point).rig == point
 
 
-@pytest.mark.slow
-def test_a_second_speed_tells_gyroscopic_coupling(rig, i_e):
-    """Two fast ones like it: the example of two operating points, and the ranking of what needs a rotor."""
-    fast = rig.replace(speed=800.0)
-    hidden = {"gyroscopic_coupling": {"factor": 1.5}}
-    train = [measured(rig, i_e, {}, seed=1, **TRUTH), measured(fast, i_e, hidden, seed=2, **TRUTH).at(fast)]
-    found = diagnose(rig, train)
-    assert found.effects == ("gyroscopic_coupling",)
-    assert found.history[-1].misfit == pytest.approx(1.0, abs=0.06)
-    assert len(found.model.names) == 10  # no gains of its own for another speed
-
-
 def test_a_joint_model_is_saved_with_its_points(rig, i_e, tmp_path):
     both = at_both(rig, i_e[:2000], {}, seed=1)
     joint = Model(rig).covering(both).add("loop_delay", {"delay": 3e-5})

@@ -62,9 +62,7 @@ def test_neither_offsets_nor_a_mean_of_the_excitation_matter(bench, run):
     assert_allclose(compare(exact, lifted).cost, own, rtol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("machine", "seeds"), first_fast([("four_bearings", [0]), ("four_bearings", [1, 2]), ("eight_bearings", [0])], 0)
-)
+@pytest.mark.parametrize(("machine", "seeds"), first_fast([("four_bearings", [0]), ("eight_bearings", [0])], 0))
 def test_many_channels_in_three_periods_have_a_misfit_of_one_and_usable_scores(machine, seeds):
     """16 and 32 channels: two settled periods leave one unexcited line to each excited one."""
     own = LONG[machine]

@@ -20,7 +20,7 @@ def record(seed: int, hidden: dict, chips: int = 1000) -> Record:
     return measured(ONE_AXIS.rig, i_e, hidden, seed=seed, **ONE_AXIS.truth)
 
 
-@pytest.mark.parametrize("seeds", [5, pytest.param(30, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [5, pytest.param(15, marks=pytest.mark.slow)])
 def test_a_right_model_leaves_no_more_than_noise_and_no_shape(seeds):
     model = Model(ONE_AXIS.rig).with_values(TRUE)
     found = [compare(model, record(seed, {})) for seed in range(seeds)]
