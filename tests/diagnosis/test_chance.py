@@ -2,16 +2,24 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.optimize import lsq_linear
 
 from ambid.diagnosis import Candidate
-from ambid.noise.chance import independent_tests, log_chance
+from ambid.noise.chance import independent_tests, log_chance, log_mean_odds_against
 from ambid.noise.window import Window
 from reference.whitening import Whitening
 
 
 def candidate(score=1.0, degrees=1, **more):
     return Candidate(None, score, degrees, {}, 1.0, **more)
+
+
+def test_odds_of_chances_are_one_on_average_under_noise():
+    """Over all chances, of u = -log p."""
+    mean, _ = quad(lambda u: np.exp(log_mean_odds_against(-u) - u), 0.0, np.inf, limit=200)
+    assert mean == pytest.approx(1.0, abs=1e-6)
+    assert log_mean_odds_against(-500.0) == pytest.approx(500.0 - 2.0 * np.log(500.0))
 
 
 def test_spread_is_the_variance_of_whitened_noise_on_a_whitened_response():

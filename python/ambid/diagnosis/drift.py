@@ -25,7 +25,7 @@ from ambid.arrays import ComplexArray, FloatArray
 from ambid.findings import Where
 from ambid.model import Model
 from ambid.noise import Comparison, Criterion
-from ambid.noise.chance import UNUSUAL, independent_tests, log_chance, log_odds_against
+from ambid.noise.chance import UNUSUAL, independent_tests, log_chance, log_mean_odds_against
 from ambid.noise.lines import RecordLines, as_lines
 from ambid.noise.tones import Between
 from ambid.noise.whitener import Spectrum, between_lines
@@ -83,8 +83,8 @@ class Change:
 
     @property
     def odds(self) -> float:
-        """Log of the odds for it against noise alone, at the most."""
-        return log_odds_against(self._log_p)
+        """Log of the odds for it against noise alone."""
+        return log_mean_odds_against(self._log_p)
 
     @property
     def _log_p(self) -> float:

@@ -24,6 +24,10 @@ UNUSUAL = 1e-4
 for what a model misses."""
 
 
+CERTAIN = 1e-4
+"""Minus the log of a chance that is as good as one."""
+
+
 def misfit_bound(dof: float, chance: float = RARE, spread: float = SPREAD) -> float:
     """J/dof that the right model exceeds with so small a chance: of chi-squared with dof / spread^2 degrees."""
     own = dof / spread**2
@@ -42,6 +46,17 @@ def log_chance(fall: float, degrees: int) -> float:
 def log_odds_against(log_p: float) -> float:
     """Log of the odds against noise of what it brings so rarely, at the most (Sellke, Am. Stat. 55 (2001) 62)."""
     return max(0.0, -1.0 - log_p - float(np.log(-log_p))) if log_p < -1.0 else 0.0
+
+
+def log_mean_odds_against(log_p: float) -> float:
+    """The same, no bound but a mean: noise alone brings odds of one on average, however many are multiplied.
+
+    ``(1 - p + p log p) / (p log^2 p)`` (Vovk and Wang, Ann. Stat. 49 (2021) 1736).
+    """
+    if log_p > -CERTAIN:
+        return -float(np.log(2.0))
+    p = np.exp(log_p)
+    return float(np.log(1.0 - p + p * log_p) - log_p - 2.0 * np.log(-log_p))
 
 
 def log_chance_bounded(fall: float, degrees: int, one_sided: int) -> float:
