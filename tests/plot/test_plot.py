@@ -64,7 +64,7 @@ def localisation(**changes):
         "maps": (own,),
         "ports": (port,),
         "tones": (),
-        "change": None,
+        "changes": (),
         "growth": growth,
         "exponent": 3.0,
         "cells": (),
