@@ -5,6 +5,7 @@ import pytest
 import ambid
 from ambid.diagnosis import diagnose
 from ambid.diagnosis.drift import Change, changes_of, largest_change
+from ambid.effects import find
 from hidden.bench import simulate
 from hidden.experiment import experiment
 from hidden.families import BENCHES
@@ -82,7 +83,7 @@ def test_what_each_of_two_records_shows_a_little_of_is_likely_in_both():
     fit = ambid.identify(BENCH.rig, train).comparison
     assert change_in(fit) is None
     assert change_in(ambid.compare(fit.model, validate).renewed()) is None
-    found = diagnose(BENCH.rig, train, validate=validate)
+    found = diagnose(BENCH.rig, train, validate=validate, catalogue=[find("loop_delay"), find("seal_forces")])
     assert found.fit.is_adequate
     assert found.probabilities.something_else > 0.5
 
