@@ -54,6 +54,9 @@ FAULTS: Mapping[str, Callable[[np.ndarray], np.ndarray]] = {
     own.__name__: own for own in (one_scaled, all_late, one_turned, two_exchanged)
 }
 
+OF_DEGREE = ("one_scaled", "all_late")
+"""Those that may be too small to matter."""
+
 
 def run(index: int) -> Row:
     """What `check` says of one record, and of it with a fault."""
@@ -66,12 +69,12 @@ def run(index: int) -> Row:
         "fault": fault,
         "right": sorted(said[0]),
         "wrong": sorted((said[1] - said[0]).keys()),
-        "moved": _moved(rig, right, wrong),
+        "moved": _moved(rig, right, wrong) if fault in OF_DEGREE else float("inf"),
     }
 
 
 def _moved(rig: Rig, right: Record, wrong: Record) -> float:
-    """By how many standard errors the fault moves a parameter; infinite where nothing is fitted."""
+    """By how many standard errors a fault of degree moves a parameter; infinite where nothing is fitted."""
     before = identify(rig, right).parameters
     try:
         after = identify(rig, wrong).parameters
