@@ -74,13 +74,18 @@ def run(index: int) -> Row:
 
 
 def _moved(rig: Rig, right: Record, wrong: Record) -> float:
-    """By how many standard errors a fault of degree moves a parameter; infinite where nothing is fitted."""
+    """By how many standard errors a fault of degree moves a parameter; infinite where it is lost, or nothing fits."""
     before = identify(rig, right).parameters
     try:
         after = identify(rig, wrong).parameters
     except AmbidError:
         return float("inf")
-    return max(abs(after[name].value - own.value) / own.std_error for name, own in before.items())
+    moved = [
+        float("inf") if after[name].value is None else abs(after[name].value - own.value) / own.std_error
+        for name, own in before.items()
+        if own.value is not None and own.std_error
+    ]
+    return max(moved, default=0.0)
 
 
 def report(rows: list[Row]) -> None:

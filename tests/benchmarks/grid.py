@@ -57,9 +57,12 @@ def run_all(run: Callable[..., Row], jobs: Iterable[tuple], out: Path, workers: 
         with out.open("a") as file:  # a run that was killed while it wrote
             file.write("\n")
     with ProcessPoolExecutor(workers, initializer=threadpool_limits, initargs=(1,)) as pool, out.open("a") as file:
-        for future in as_completed([pool.submit(_keyed, run, job) for job in todo]):
-            file.write(json.dumps(future.result(), default=float) + "\n")
-            file.flush()
+        try:
+            for future in as_completed([pool.submit(_keyed, run, job) for job in todo]):
+                file.write(json.dumps(future.result(), default=float) + "\n")
+                file.flush()
+        finally:  # an error ends the run, not what is left of it
+            pool.shutdown(cancel_futures=True)
 
 
 def _keyed(run: Callable[..., Row], job: tuple) -> Row:
