@@ -22,8 +22,6 @@ RARE = 1e-3
 UNUSUAL = 1e-4
 """Chance of noise below which it is taken for something else: for uneven, for a parameter that changes, or, on a line,
 for what a model misses."""
-
-
 CERTAIN = 1e-4
 """Minus the log of a chance that is as good as one."""
 
