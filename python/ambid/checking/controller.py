@@ -9,7 +9,7 @@ much y was read late.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,15 +32,11 @@ APART = 1e-2
 stay as they are."""
 STRONG = 10.0
 """Strength of instruments below which their errors are too small (Staiger and Stock, Econometrica 65 (1997) 557)."""
-SURE = 100.0
-"""Fall of the sum of squares, in units of what is left, by an instant of y or i_c: ten standard errors."""
-BY_CHANCE = 6.0
-"""Times the root of that fall, by which an instant must do better than what motion induces in the coil: scores of two
-rivals differ by no more than twice the root of either at one standard error."""
+SURELY = 5.0
+"""Standard errors by which a gain or an instant must be off."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
-"""Delays in samples from which the equation is solved before y is said to be late: what is held has a kink at each."""
-FEWEST_CLEAR = 30
-"""Fewest lines clear of noise that determine an instant."""
+"""Delays in samples from which the equation is solved before an instant is said to be off: what is held has a kink at
+each."""
 ALONE = 30.0
 """Power that is missed on a line over the median beside it; noise exceeds it once in 2^30 lines."""
 BESIDE = 41
@@ -48,7 +44,9 @@ BESIDE = 41
 SPILLED = 3
 """Lines to each side that hold some of a wave, under a Hann window."""
 FOLLOWS = 0.1
-"""Part of i_c, by rms, up to which an equation holds that is to show when i_c was read."""
+"""Part of i_c, by rms, up to which an equation holds that is to show when y or i_c was read."""
+FEWEST_CLEAR = 30
+"""Fewest lines clear of noise that determine when i_c was read."""
 CURRENT_LATE = 0.25
 """Part of a sample by which i_c must be off to be reported; less is ranked as an effect."""
 LEAST_LATE = 0.05
@@ -100,52 +98,78 @@ def fit_controller(loop: NominalLoop, lines: Lines) -> ControllerFit:
     By instrumental variables, so that noise of y that only the recorder has biases nothing (errors in variables).
     Of a record without periods what stands alone on a line, as a hum does that joins i_c, is left out.
     """
+    return _fitted(loop, lines, ("i_e", *commanded(loop, lines)), lambda own: own)
+
+
+def fit_channels(loop: NominalLoop, lines: Lines) -> ControllerFit:
+    """Scale i_e and y, with all gains alike, so that i_c follows, beside what motion induces in the coil."""
+    return _fitted(loop, lines, ("i_e", "y"), lambda own: own.of_channels)
+
+
+def _fitted(
+    loop: NominalLoop, lines: Lines, names: tuple[str, ...], of_axis: Callable[[_Equation], _Equation]
+) -> ControllerFit:
+    """What fits best of each axis' equation."""
     if not (lines.whole_periods or lines.are_responses):
         lines = lines.some(~_alone(loop, lines))
-    parts = 1 + len(gains := list(commanded(loop, lines)))
+    parts = len(names)
     scale, error, share = (np.full((loop.axes, parts), of_none) for of_none in (1.0, np.inf, 0.0))
     missed = np.full(loop.axes, np.nan)
-    for k, equation in enumerate(_on_lines(loop, lines, instruments=loop.answered(lines))):
+    both = (map(of_axis, _on_lines(loop, own)) for own in (lines, loop.answered(lines)))
+    for k, (equation, ideal) in enumerate(zip(*both, strict=True)):
         x, left = equation.solved()
-        x, spread = equation.instrumented(x)
+        x, spread = equation.instrumented(x, ideal)
         scale[k], error[k], share[k], missed[k] = x[:parts], spread[:parts], equation.shares, np.sqrt(left)
-    return ControllerFit(("i_e", *gains), scale, error, share, missed)
+    return ControllerFit(names, scale, error, share, missed)
 
 
 def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
-    """By how much y was read late against i_e; None where no instant of its own explains i_c much better.
+    """By how much y was read late against i_e; None where other gains or a moving coil may be what explains i_c.
 
-    Other gains and what a moving coil induces must not explain it better, for the unknowns that they take. An axis that
-    is not late has 0.
+    One clock for all axes is determined better than that of each; an axis that is not late has 0.
     """
-    seconds, current = np.zeros((2, loop.axes))
-    for k, equation in _equations(loop, lines).items():
-        numbers = 2 * len(equation.i_c)
-        timed = replace(equation, has_factors=False, has_instant=True)
-        still = replace(timed, has_instant=False)
-        left, without = timed.solved()[1], still.solved()[1]
-        if (without / left - 1.0) * numbers < SURE:
-            continue
-        delays = [part / loop.rig.sample_rate / equation.step for part in DELAYS]  # each may lead to an end of its own
-        x, left = min((timed.solved(delay) for delay in delays), key=lambda end: end[1])
-        without = min(still.solved(delay)[1] for delay in delays)
-        late = x[-1] * equation.step
-        gain = (without / left - 1.0) * numbers
-        if abs(late) < LEAST_LATE / loop.rig.sample_rate or gain < SURE:
-            continue
-        induced = min(replace(still, induces=True).solved(delay)[1] for delay in delays)
-        if (induced / left - 1.0) * numbers < BY_CHANCE * np.sqrt(gain):
-            continue  # one unknown for another, and the coil's does as well
-        otherwise = min(replace(equation, induces=True).solved(delay)[1] for delay in delays)
-        spent = equation.of_y.shape[1] + 1  # its unknowns beyond those with an instant
-        if (left / otherwise - 1.0) * numbers > spent * np.log(numbers):
-            both = replace(equation, has_instant=True)  # wrong gains, and late as well?
-            x, left = min((both.solved(delay) for delay in delays), key=lambda end: end[1])
-            late = x[-1] * equation.step
-            if abs(late) < LEAST_LATE / loop.rig.sample_rate or (otherwise / left - 1.0) * numbers < SURE:
-                continue
-        seconds[k], current[k] = late, x[-4] * equation.step
-    return Late(seconds, current) if seconds.any() else None
+    sample = 1.0 / loop.rig.sample_rate
+    ends = []
+    for delays in (DELAYS[:1], DELAYS):  # each may lead to an end of its own
+        ends = [
+            _instants(loop, lines, lambda own: replace(own, has_factors=False, has_instant=True), delays),
+            _instants(loop, lines, lambda own: replace(own, has_instant=True), delays),
+            _instants(loop, lines, lambda own: replace(own.of_channels, has_instant=True), delays),
+        ]
+        late = np.all([_surely(*end, LEAST_LATE * sample) for end in ends], axis=0)
+        if not late.any():
+            return None
+    x, errors = (np.stack(own) for own in zip(*ends, strict=True))
+    best = np.argmin(errors[..., -1], axis=0)
+    x = np.take_along_axis(x, best[None, :, None], axis=0)[0]
+    return Late(np.where(late, x[:, -1], 0.0), x[:, -4])
+
+
+def _surely(x: FloatArray, errors: FloatArray, least: float) -> NDArray[np.bool_]:
+    """Axes that are surely late by some time: by what each shows, or all together."""
+    late, error = x[:, -1], errors[:, -1]
+    own = np.abs(late) - SURELY * error > least
+    weight = error**-2.0
+    if not weight.any():
+        return own
+    mean = float(weight @ late) / weight.sum()
+    together = np.abs(mean) - SURELY * weight.sum() ** -0.5 > least
+    return own | (together & (np.abs(late - mean) < np.abs(late)))
+
+
+def _instants(
+    loop: NominalLoop, lines: Lines, way: Callable[[_Equation], _Equation], delays: Sequence[float]
+) -> tuple[FloatArray, FloatArray]:
+    """Unknowns of every axis' equation and their standard errors, instants in seconds."""
+    ends = []
+    for equation, ideal in zip(*(map(way, _on_lines(loop, own)) for own in (lines, loop.answered(lines))), strict=True):
+        starts = [part / loop.rig.sample_rate / equation.step for part in delays]
+        x, left = min((equation.solved(start) for start in starts), key=lambda end: end[1])
+        x, errors = equation.instrumented(x, ideal)
+        if left > FOLLOWS**2:
+            errors = np.full(len(x), np.inf)
+        ends.append((x[-4:] * equation.step, errors[-4:] * equation.step))
+    return np.array([x for x, _ in ends]), np.array([errors for _, errors in ends])
 
 
 def current_late(loop: NominalLoop, lines: Lines) -> FloatArray:
@@ -163,7 +187,7 @@ def current_late(loop: NominalLoop, lines: Lines) -> FloatArray:
             end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[1])
         x, left = end
         in_time = replace(moved, has_delay=False, has_lag=x[-4] < 0.0).solved()[1]  # a slow amplifier is late, too
-        is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > SURE
+        is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > SURELY**2
         if left < FOLLOWS**2 and abs(x[-4]) > CURRENT_LATE * sample and is_sure:
             found[k] = x[-4] * equation.step
     return found
@@ -190,12 +214,10 @@ def _equations(loop: NominalLoop, lines: Lines) -> dict[int, _Equation]:
     return {int(k): _on_lines(loop, lines.some(clear[:, k]))[k] for k in axes}
 
 
-def _on_lines(loop: NominalLoop, lines: Lines, instruments: Lines | None = None) -> list[_Equation]:
-    """That of every axis, on all of some lines, with y that instruments are made of."""
+def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
+    """That of every axis, on all of some lines."""
     f = lines.frequency_hz
-    of_y = ideal = -np.stack([*commanded(loop, lines).values()], axis=2)
-    if instruments is not None:
-        ideal = -np.stack([*commanded(loop, instruments).values()], axis=2)
+    of_y = -np.stack([*commanded(loop, lines).values()], axis=2)
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
     step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
@@ -206,7 +228,6 @@ def _on_lines(loop: NominalLoop, lines: Lines, instruments: Lines | None = None)
         _Equation(
             i_e=lines.i_e[:, k],
             of_y=of_y[:, k],
-            ideal=ideal[:, k],
             motion=2j * np.pi * f * lines.y[:, k] * np.linalg.norm(i_c[:, k]) / np.linalg.norm(f * lines.y[:, k]),
             held=held / np.linalg.norm(held, axis=0),
             i_c=i_c[:, k],
@@ -230,7 +251,6 @@ class _Equation:
 
     i_e: ComplexArray
     of_y: ComplexArray
-    ideal: ComplexArray
     motion: ComplexArray
     held: ComplexArray
     i_c: ComplexArray
@@ -248,6 +268,11 @@ class _Equation:
     def size(self) -> float:
         """Norm of i_c."""
         return float(np.linalg.norm(self.i_c))
+
+    @property
+    def of_channels(self) -> _Equation:
+        """That with one factor of y, and motion in the coil."""
+        return replace(self, of_y=self.of_y.sum(axis=1, keepdims=True), induces=True)
 
     @property
     def missed_by_rig(self) -> ComplexArray:
@@ -289,8 +314,8 @@ class _Equation:
         )
         return whole(end.x), 2.0 * float(end.cost)
 
-    def instrumented(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Unknowns from those of least squares on, and their standard errors, by instrumental variables.
+    def instrumented(self, x: FloatArray, ideal: _Equation) -> tuple[FloatArray, FloatArray]:
+        """Unknowns from those of least squares on, and their standard errors, by instruments without noise.
 
         Noise that only a recorder has in y biases least squares, and nothing that is at right angles to what the
         excitation makes of y. The errors are right whatever the power of each line's noise (Soederstroem and Stoica,
@@ -299,7 +324,7 @@ class _Equation:
         free, x, errors = self._free, x.copy(), np.zeros(len(x))
         if 2 * len(self.i_c) <= len(free):
             return x, np.full(len(x), np.inf)
-        ideal = replace(self, of_y=self.ideal)
+        ideal = replace(self, of_y=ideal.of_y, motion=ideal.motion)
         for _ in range(20):  # Newton's method; the last step may be a standard error: whole samples of delay are kinks
             left, columns, instruments = (own(x) for own in (self._residual, self._jacobian, ideal._jacobian))
             columns, instruments = columns[:, free], instruments[:, free]
@@ -308,14 +333,17 @@ class _Equation:
             inverse = np.linalg.pinv(instruments.T @ columns, rcond=APART) / size[:, None]
             step = inverse @ (instruments.T @ left)
             x[free] -= step
-            if np.abs(step).max() > 1.0 / TURN:  # it diverges
+            if (largest := np.abs(step).max()) > 1.0 / TURN:  # it diverges
                 return x, np.full(len(x), np.inf)
+            if largest < TURN**2:
+                break
         own_share = np.einsum("nj,jn->n", columns * size, inverse @ instruments.T)  # of a number in its own prediction
         left /= np.maximum(1.0 - own_share, 1.0 / len(left))
         errors[free] = np.linalg.norm(inverse @ (instruments * left[:, None]).T, axis=1)
-        gains = np.arange(1 + self.of_y.shape[1])
-        ended = np.abs(step[gains]) <= errors[gains] + TURN**2
-        if not ended.all() or _strength(columns, instruments, np.isin(free, gains[1:])) < STRONG:
+        of_y, last = range(1, 2 + self.of_y.shape[1]), len(x) - 1
+        sought = np.isin(free, [0, *of_y, last])
+        ended = np.abs(step[sought]) <= errors[free][sought] + TURN**2
+        if not ended.all() or _strength(columns, instruments, np.isin(free, [*of_y, last])) < STRONG:
             errors = np.full(len(x), np.inf)
         return x, errors
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.checking.controller import ControllerFit, fit_controller
+from ambid.checking.controller import SURELY, ControllerFit, fit_channels, fit_controller
 from ambid.checking.equations import controller_missed, reordered
 from ambid.checking.excitation_slips import slips_of_excitation
 from ambid.checking.instants import slips_of_instants
@@ -22,8 +22,6 @@ from ambid.record import Record
 
 DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
 """Relative error of a controller's gain, beyond `SURELY`."""
-SURELY = 5.0
-"""Standard errors."""
 WITHOUT_EXCITATION = 0.1
 """Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
 LEAST_SHARE = 0.02
@@ -93,14 +91,14 @@ def slips_of_controller(
     if not lines.whole_periods:
         if responses is None:
             return found
-        fit = fit_controller(loop, responses)
+        lines, fit = responses, fit_controller(loop, responses)
     judged = moving & [slip is None for slip in slips]
-    # a factor on all of i_c is R of a voltage-driven coil, which is fitted
-    first = 0 if lines.i_e.any() else 1
-    known = np.ones_like(fit.scale)
-    if loop.rig.amplifier.resistance is not None:
-        known = np.hstack([known[:, :first], np.repeat(fit.scale[:, first : first + 1], fit.scale.shape[1] - first, 1)])
-    return found + _gains(record, fit, fit.scale / known, judged)
+    least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
+    # a small part of i_c shows no more than the factor that all gains have in common
+    return found + (
+        _gains(record, fit, _factor(loop, lines, fit), judged, least)
+        or _gains(record, own := fit_channels(loop, lines), _factor(loop, lines, own), judged)
+    )
 
 
 def _slip(scale: FloatArray, error: FloatArray) -> tuple[str, float] | None:
@@ -129,10 +127,23 @@ def _slipped(record: Record, signal: str, factor: float, axes: Sequence[str]) ->
     return wrong_unit(record, signal, axes, factor, "controller's equation")
 
 
-def _gains(record: Record, fit: ControllerFit, scale: FloatArray, judged: NDArray[np.bool_]) -> list[Finding]:
-    """The gains by which i_c follows, `scale` times those of the rig, are those of the rig."""
+def _factor(loop: NominalLoop, lines: Lines, fit: ControllerFit) -> FloatArray:
+    """Of each part, (axes, parts); what is on all of i_c is R of a voltage-driven coil, which is fitted."""
+    if loop.rig.amplifier.resistance is None:
+        return fit.scale
+    first = 0 if lines.i_e.any() else 1
+    return np.hstack([fit.scale[:, :first], fit.scale[:, first:] / fit.scale[:, first : first + 1]])
+
+
+def _gains(
+    record: Record,
+    fit: ControllerFit,
+    scale: FloatArray,
+    judged: NDArray[np.bool_],
+    least: FloatArray | float = 0.0,
+) -> list[Finding]:
+    """The gains by which i_c follows, `scale` times the rig's, are those to a part `least` of i_c."""
     off = np.abs(scale - 1.0)
-    least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     matters = judged[:, None] & (off * fit.share > least)
     excess = np.where(matters, off - SURELY * fit.std_error, 0.0)
     significant = excess > DOUBTFUL_GAIN

@@ -69,7 +69,9 @@ def slips_of_clocks(record: Record, loop: NominalLoop) -> list[Finding]:
 
 
 def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
-    """y, i_c and i_e are read when the file says."""
+    """y, i_c and i_e are read when the file says; where i_e is rebuilt from them, nothing shows it."""
+    if record.is_rebuilt:
+        return []
     found = read_late(loop, lines)
     if found is None:
         return _currents(record, loop, lines)
@@ -91,7 +93,7 @@ def slips_of_instants(record: Record, loop: NominalLoop, lines: Lines) -> list[F
 
 def _currents(record: Record, loop: NominalLoop, lines: Lines) -> list[Finding]:
     """i_c comes when the rig's controller and delay bring it; no loop brings it earlier."""
-    late, findings = np.zeros(loop.axes) if record.is_rebuilt else current_late(loop, lines), []
+    late, findings = current_late(loop, lines), []
     for sign, kind, name in ((-1.0, CURRENT_AHEAD, "advance"), (1.0, CURRENT_BEHIND, "delay")):
         own = np.flatnonzero(sign * late > 0.0)
         if not own.size:

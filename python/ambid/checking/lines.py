@@ -23,7 +23,7 @@ AROUND = 31
 """Unexcited lines that give the power of noise at a line."""
 FEWEST_LINES = 16
 """Lines that an equation is fitted to at least: twice as many numbers as the up to 15 unknowns of a controller's."""
-MOST_LINES = 1000
+MOST_LINES = 8000
 """Lines that an equation is held against, at most."""
 
 
@@ -69,7 +69,7 @@ class Lines:
 
     @classmethod
     def of(cls, record: Record) -> Lines:
-        """Lines of a record with i_e; the strongest of what drives it where there are many."""
+        """Lines of a record with i_e; where there are many, of neighbours the strongest of what drives it."""
         window, length = None, record.samples
         if record.period is not None and record.periods >= 2:
             window, length = Window.of(record).settled, record.period
@@ -90,7 +90,7 @@ class Lines:
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max(initial=0.0)))
         own = -(-MOST_LINES // max(1, drives.shape[1]))  # of every axis: each may be excited on lines of its own
-        kept = np.unique(kept[np.argsort(np.abs(drives[kept]), axis=0)[-own:]])
+        kept = np.unique(np.concatenate([_strongest(kept, column, own) for column in np.abs(drives).T]))
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
@@ -126,6 +126,13 @@ class Lines:
             whole_periods=False,
             are_responses=True,
         )
+
+
+def _strongest(lines: NDArray[np.intp], power: FloatArray, count: int) -> NDArray[np.intp]:
+    """Of as many blocks of neighbours as `count` the strongest line each, of those that hold some power."""
+    lines = lines[power[lines] > 1e-3 * power.max()]
+    blocks = np.array_split(lines, min(count, len(lines))) if len(lines) else []
+    return np.array([block[np.argmax(power[block])] for block in blocks], dtype=np.intp)
 
 
 def _clear_of_noise(
