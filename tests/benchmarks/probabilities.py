@@ -8,6 +8,7 @@ of the catalogue or physics outside of it hidden, their sizes drawn between bare
 files off by ordinary tolerances. Each effect that a diagnosis lists, and that nothing or something else is missing, is
 a statement with a probability. Calibrated is what isotonic regression of the truth on the probability leaves as it is
 (CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
+`made/probabilities.jsonl` has the machines from number 8020 on.
 """
 
 import sys
