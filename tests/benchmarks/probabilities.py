@@ -26,6 +26,7 @@ from scipy.optimize import isotonic_regression
 from ambid import Record, Rig, diagnose
 from benchmarks.grid import Row, aligned, markdown, options, rate_text, read_rows, run_all
 from benchmarks.levitators import sized as sized_levitator
+from benchmarks.rates import NOISE_LIKE
 from hidden.experiment import experiment_on
 from hidden.families import BENCHES, FAMILIES, Bench
 from hidden.levitators import EFFECTS, levitator
@@ -171,7 +172,8 @@ def log_score(p: Sequence[float], truth: Sequence[bool]) -> float:
 
 def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     """By population and number of effects; the reliability diagram."""
-    kept = [row for row in rows if "verdict" in row]
+    drawn = [row for row in rows if "verdict" in row]
+    kept = [row for row in drawn if not set(row["hidden"]) & NOISE_LIKE]
     head = ("population", "hidden", "machines", "90 % and more: true", "log score", "by verdict")
     lines = []
     for population in (*POPULATIONS, "all"):
@@ -189,7 +191,8 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     p, truth = np.array([s.p for s in said]), np.array([s.is_true for s in said], dtype=float)
     calibrated = isotonic_regression(truth).x
     print(aligned(head, lines))
-    print(f"{len(rows)} machines, {len(rows) - len(kept)} skipped or failed, {len(said)} statements")
+    print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} statements")
+    print(f"{len(drawn) - len(kept)} apart whose hidden effect is louder noise, to any diagnosis")
     print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
     for kind in ("nothing", "outside"):
         own = [row for row in kept if row["kind"] == kind and not row["effects"]]
