@@ -90,7 +90,7 @@ class Lines:
         usable = (index >= (BLURRED if window is None else 1)) & (frequency < HIGHEST_FREQUENCY * record.sample_rate)
         kept = np.flatnonzero(usable & (power > 1e-3 * power.max(initial=0.0)))
         own = -(-MOST_LINES // max(1, drives.shape[1]))  # of every axis: each may be excited on lines of its own
-        kept = np.unique(np.concatenate([_strongest(kept, column, own) for column in np.abs(drives).T]))
+        kept = np.unique(np.concatenate([kept[:0], *(_strongest(kept, column, own) for column in np.abs(drives).T)]))
         i_c = None if record.i_c is None else spectrum(record.i_c)[kept]
         y = spectrum(record.y)[kept]
         clear = None if window is None else _clear_of_noise(window, record.y, y, kept)
