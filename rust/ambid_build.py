@@ -38,8 +38,13 @@ def build_editable(
 
 
 def _build_library() -> None:
-    """Put the library where `ambid.embedded` looks for it."""
-    subprocess.run(["cargo", "build", "--release", "--locked", "-p", "ambid-c"], cwd=ROOT, check=True)
+    """Put the library where `ambid.embedded` looks for it.
+
+    With the Python face, so that both have dependencies of the same features, which are compiled once; but where that
+    needs the linker's flags of maturin.
+    """
+    packages = ["-p", "ambid-c"] if sys.platform == "darwin" else ["-p", "ambid-c", "-p", "ambid-py"]
+    subprocess.run(["cargo", "build", "--release", "--locked", *packages], cwd=ROOT, check=True)
     target = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
     NATIVE.mkdir(exist_ok=True)
     shutil.copyfile(ROOT / target / "release" / LIBRARY, NATIVE / LIBRARY)

@@ -206,12 +206,7 @@ def repeated(own, seed, *, drift=None, ppm=0.0):
     [
         (-0.2, 1),
         (0.02, 1),
-        *(
-            pytest.param(fraction, seed, marks=pytest.mark.slow)
-            for fraction in (-0.2, -0.05, 0.02, 0.1, 0.3)
-            for seed in (1, 2)
-            if (fraction, seed) not in ((-0.2, 1), (0.02, 1))
-        ),
+        *(pytest.param(fraction, seed, marks=pytest.mark.slow) for fraction in (-0.05, 0.1, 0.3) for seed in (1,)),
     ],
 )
 def test_a_force_that_drifts_is_no_clock_and_no_lost_sample(own, fraction, seed):
@@ -228,9 +223,9 @@ def test_a_force_that_drifts_is_no_clock_and_no_lost_sample(own, fraction, seed)
         *(
             pytest.param(bench, ppm, marks=pytest.mark.slow)
             for bench, sizes in {
-                "one axis, slow": (-30.0, 100.0, 1000.0),
-                "one axis": (-100.0, 100.0, 1000.0),
-                "four axes, slow": (-100.0, -30.0, 100.0, 1000.0),
+                "one axis, slow": (-30.0, 1000.0),
+                "one axis": (100.0,),
+                "four axes, slow": (-100.0, 1000.0),
             }.items()
             for ppm in sizes
         ),

@@ -130,7 +130,7 @@ def test_the_length_that_is_told_brings_the_evidence():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", CASES[::2], ids=lambda case: f"{case.effect}-{case.amplitude}")
+@pytest.mark.parametrize("case", CASES[2:], ids=lambda case: f"{case.effect}-{case.amplitude}")
 def test_the_proposed_experiment_names_the_truth_alone(case):
     """On the independent simulator: DISTINCT decides in 95 % of records, so 3 of 4 fail by chance once in 70."""
     ends = [run(case, seed, SHORT) for seed in range(4)]

@@ -24,20 +24,6 @@ def diagnosed(machine, hidden, size, **options):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("machine", "hidden"),
-    [
-        pytest.param(43, "seal_forces", id="six millimetres from where it was looked for"),
-    ],
-)
-def test_a_large_effect_is_named_alone(machine, hidden):
-    found = diagnosed(machine, hidden, "large")
-    assert (found.verdict, found.effects) == ("explained", (hidden,)), found
-    assert found.history[-1].misfit < 1.02
-    assert found.history[-1].validation_misfit < 1.03
-
-
-@pytest.mark.slow
 def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     """Of what these two would leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     few = [effect(name) for name in ("coulomb_friction", "seal_forces", "rotor_bending_mode", "external_damping")]

@@ -18,13 +18,12 @@ from typer.main import get_command
 import ambid
 from ambid.cli.app import app
 from demo.one_axis import one_axis
-from faults.jobs import HANGS, JOBS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
+from faults.jobs import HANGS, JOBS, KINDS, ONE_BY_ONE, OPTIONS, STORY, disturbed, ended, prepare, start
 from faults.promises import CODES, check
 
 FAST = {"SIGKILL": 4, "SIGINT": 2, "SIGTERM": 2}
 SOME = {"SIGKILL": 1}
-"""All jobs write by one way: where one moment in 20 harms a file, a signal to each of 19 jobs shows it in 62 % of runs;
-the others come in `test_a_few_moments`."""
+"""A moment for each kind of file; the others come in `test_a_few_moments`."""
 READY = "from ambid.cli import main, signals; signals.watch(); import os; os.write(1, b'.'); main()"
 """Says when signals are heard, before the command itself is imported."""
 
@@ -64,7 +63,7 @@ def test_a_few_moments(folder):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("job", JOBS)
+@pytest.mark.parametrize("job", KINDS)
 def test_many_moments(job, folder, tmp_path):
     print(job, dict(check(disturbed(prepare(tmp_path), JOBS[job], SOME, drawn=False), job not in ONE_BY_ONE)))
 

@@ -11,11 +11,12 @@ from ambid.excitation import prbs
 from ambid.identification import identify
 from ambid.identification.estimate import STATUS
 from ambid.identification.minimum import refit
-from ambid.identification.problem import noise_levels
+from ambid.identification.problem import ROUGHLY, noise_levels
 from ambid.model import Model
 from ambid.noise import compare
 from ambid.record import Record
 from ambid.rig import Actuator
+from hidden.one_axis import ONE_AXIS
 from validated import relative
 from virtual import AXES, NAMES, VirtualBench
 
@@ -368,3 +369,13 @@ def test_wrong_records(start, run, golden):
         identify(start, replace(run, sample_rate=2e4))
     with golden.raises(RecordError):
         identify(start, replace(run, i_e=None))
+
+
+def test_a_rough_descent_halves_no_steps_that_friction_needs():
+    """As steep as this it needs 32 steps per sample: with 16 its loop grows without bound."""
+    own = {"coulomb_friction.force": 0.5, "coulomb_friction.inverse_width": 1e7}
+    model = Model(ONE_AXIS.rig).add("coulomb_friction").with_values(own).with_substeps(32)
+    record = model.virtual_experiment(ONE_AXIS.excitation(1.0), seed=1)
+    with pytest.raises(UnstableLoopError):
+        model.with_substeps(16).simulate(record.i_e)
+    assert refit(compare(model, record), step=ROUGHLY).misfit < 1.05

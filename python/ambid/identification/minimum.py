@@ -132,7 +132,8 @@ def _from(comparison: Comparison, model: Model, most: int, step: float, bound: f
     held, near = model, max(step, ROUGHLY)
     is_rough = not model.is_linear and model.without_nonlinear().is_stable
     if step >= ROUGHLY and not model.is_linear:
-        held = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
+        half = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
+        held = half if _is_finite(comparison.of(half)) else model
     roughly = is_rough and step >= ROUGHLY
     if not _is_near(model) and (exact := held.without_errors()).may_stand:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
@@ -183,6 +184,14 @@ def _gone(problem: WhitenedProblem, most: int, step: float, bound: float = np.in
     if end.status == "stopped":
         raise KeyboardInterrupt from None
     return end.theta
+
+
+def _is_finite(comparison: Comparison) -> bool:
+    """Whether steps are fine enough for a response that does not grow without bound."""
+    try:
+        return bool(np.isfinite(comparison.cost))
+    except UnstableLoopError:
+        return False
 
 
 def _is_hidden(comparison: Comparison, model: Model, other: Model) -> bool:
