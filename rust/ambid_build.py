@@ -38,13 +38,16 @@ def build_editable(
 
 
 def _build_library() -> None:
-    """Put the library where `ambid.embedded` looks for it.
+    """Put the library where `ambid.embedded` looks for it, unless it is newer than its sources.
 
     With the Python face, so that both have dependencies of the same features, which are compiled once; but where that
-    needs the linker's flags of maturin.
+    needs the linker's flags of maturin, whose settings compile that face anew.
     """
+    sources = [ROOT / "Cargo.lock", ROOT / "Cargo.toml", *(ROOT / "rust").rglob("*.*")]
+    if (built := NATIVE / LIBRARY).exists() and built.stat().st_mtime > max(own.stat().st_mtime for own in sources):
+        return
     packages = ["-p", "ambid-c"] if sys.platform == "darwin" else ["-p", "ambid-c", "-p", "ambid-py"]
     subprocess.run(["cargo", "build", "--release", "--locked", *packages], cwd=ROOT, check=True)
     target = Path(os.environ.get("CARGO_TARGET_DIR", "target"))
     NATIVE.mkdir(exist_ok=True)
-    shutil.copyfile(ROOT / target / "release" / LIBRARY, NATIVE / LIBRARY)
+    shutil.copyfile(ROOT / target / "release" / LIBRARY, built)

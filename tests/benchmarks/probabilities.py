@@ -8,7 +8,8 @@ of the catalogue or physics outside of it hidden, their sizes drawn between bare
 files off by ordinary tolerances. Each effect that a diagnosis lists, and that nothing or something else is missing, is
 a statement with a probability. Calibrated is what isotonic regression of the truth on the probability leaves as it is
 (CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
-`made/probabilities.jsonl` has the machines from number 8020 on.
+`made/nearness.jsonl` has machines 8020 to 8088, from which `ambid.diagnosis.hypotheses.NEARNESS` was taken; what it was
+measured on says nothing of what it is good for, so that further machines begin at 8100.
 """
 
 import sys
@@ -48,6 +49,8 @@ SETS = 8
 """So many of a diagnosis are kept."""
 SURE = 0.9
 FLOOR = 1e-4
+SMALL, NOT_SEEN = 0.03, 3e-3
+"""Part of J/dof beyond 1 of which shares are told, and the least of these."""
 
 
 def run(population: str, number: int) -> Row:
@@ -170,6 +173,12 @@ def log_score(p: Sequence[float], truth: Sequence[bool]) -> float:
     return float(-np.mean(np.log(np.where(truth, p, 1.0 - p))))
 
 
+def share_left(row: Row) -> float:
+    """Of what the base model leaves, that which a set leaves."""
+    first, *_ = beyond = [misfit - 1.0 for misfit in row["misfits"]]
+    return float(np.clip(min(beyond) / first, NOT_SEEN, 1.0))
+
+
 def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     """By population and number of effects; the reliability diagram."""
     drawn = [row for row in rows if "verdict" in row]
@@ -194,6 +203,11 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} statements")
     print(f"{len(drawn) - len(kept)} apart whose hidden effect is louder noise, to any diagnosis")
     print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
+    shares = [share_left(row) for row in kept if row["kind"] == "outside" and row["misfits"][0] > 1.0 + SMALL]
+    if shares:
+        power = -1.0 / np.mean(np.log(shares))
+        error = power / np.sqrt(len(shares))
+        print(f"outside: no larger share x is left than in x^{power:.2f} +- {error:.2f} of {len(shares)} machines")
     for kind in ("nothing", "outside"):
         own = [row for row in kept if row["kind"] == kind and not row["effects"]]
         seen = ", ".join(f"{name} {sum(name in row['failed'] for row in own)}" for name in ("misfit", "ways"))

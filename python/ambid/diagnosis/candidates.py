@@ -196,15 +196,6 @@ class Ranking(WithFindings, Tabular):
             if is_allowed and cosine**2 < 1.0 - SAME:
                 yield self.shown[k], self.shown[j], (alone[k] * own + alone[j] * other) / (1.0 - cosine**2)
 
-    def is_stood_in_for(self, share: float) -> float:
-        """Of the candidates the part of which another one leaves no larger share than this where it stands alone.
-
-        As likely does one of them stand in so well for something that the catalogue lacks; chance of the next one
-        among as many (Laplace's rule of succession).
-        """
-        left = 1.0 - np.max(np.abs(self.cosines) - np.eye(len(self.cosines)), axis=1, initial=0.0) ** 2
-        return float((np.sum(left <= share) + 1.0) / (len(left) + 2.0))
-
     @cached_property
     def probabilities(self) -> dict[str, float]:
         """Of each candidate: that it alone is missing, by its score, or it beside something without a name.

@@ -130,8 +130,7 @@ def probabilities(
         of_formulas, something_else = field.besides(own, shape, changing, is_clean=is_clean)
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
         weighed += [(of_formulas, own.effects, False), (something_else, own.effects, True)]
-        beside = something_else if np.isinf(of_formulas) else field.beside(own.evidence, shape)
-        weighed += [(beside + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
+        weighed += [(something_else + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
     most = max(log for log, _, _ in weighed)
     total = sum(np.exp(log - most) for log, _, _ in weighed)
     found: dict[tuple[str, ...], list[float]] = {}
