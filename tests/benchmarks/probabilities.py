@@ -9,7 +9,7 @@ files off by ordinary tolerances. Each effect that a diagnosis lists, and that n
 a statement with a probability. Calibrated is what isotonic regression of the truth on the probability leaves as it is
 (CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
 `made/nearness.jsonl` has machines 8020 to 8088, from which `ambid.diagnosis.hypotheses.NEARNESS` was taken; what it was
-measured on says nothing of what it is good for, so that further machines begin at 8100.
+measured on says nothing of what it is good for, so that `made/probabilities.jsonl` begins at machine 8100.
 """
 
 import sys
