@@ -28,7 +28,7 @@ DESIGN = ("design", "rig.toml", "--accuracy", "K_i=5%", "--seconds", "1")
 RUNS = ("--runs", "130", "--seconds", "0.1")
 FEW = ("init",)
 """Jobs that are tried in the fast tier too."""
-KINDS = ("init", "identify", "report", "campaign", "frequency-response", "export", "monte-carlo")
+KINDS = ("init", "identify", "report", "campaign", "frequency-response", "export", "design", "monte-carlo")
 """Jobs that write each kind of file, once: all write by one way."""
 JOBS = {
     "simulate": (*SIMULATE, "--out", "v.csv", "--force", "--json", "v.json"),

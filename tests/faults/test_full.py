@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from faults.files import OLD, state, write_old
-from faults.jobs import FEW, HANGS, IN_THE_JOB, JOBS, KINDS, ended, environment, heard, outputs, prepare, start
+from faults.jobs import FEW, HANGS, IN_THE_JOB, JOBS, ended, environment, heard, outputs, prepare, start
 
 IDENTIFY = ("identify", "rig.toml", "run.csv", "--json", "i.json")
 INIT = ("init", "--out", "new.toml", "--force", "--json", "i.json")
@@ -57,7 +57,7 @@ def fill(folder):
     (folder / "filler").write_bytes(bytes(free.f_bavail * free.f_frsize))
 
 
-@pytest.mark.parametrize("job", some(KINDS, FEW))
+@pytest.mark.parametrize("job", some(JOBS, FEW))
 def test_a_full_disk(job, small):
     written = [small / name for name in outputs(JOBS[job])]
     for path in written:
