@@ -5,11 +5,13 @@
 
 Machines of each population (rotors and levitators that nobody chose, the benches), with nothing, one to three effects
 of the catalogue or physics outside of it hidden, their sizes drawn between barely and clearly visible, half of the rig
-files off by ordinary tolerances. Each effect that a diagnosis lists, and that nothing or something else is missing, is
-a statement with a probability. Calibrated is what isotonic regression of the truth on the probability leaves as it is
-(CORP: Dimitriadis, Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
-`made/nearness.jsonl` has machines 8020 to 8088, from which `ambid.diagnosis.hypotheses.NEARNESS` was taken; what it was
-measured on says nothing of what it is good for, so that `made/probabilities.jsonl` begins at machine 8100.
+files off by ordinary tolerances. That an effect of the catalogue, nothing or something else is missing is a statement
+with a probability; listed are those of 1 % and more, and what is true. The log score is of all that is stated of a
+machine. Calibrated is what isotonic regression of the truth on the probability leaves as it is (CORP: Dimitriadis,
+Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
+`made/calibration.jsonl` has machines 8020 to 8088 and 8100 to 8122, from which `diagnosis.hypotheses.NEARNESS` and
+`diagnosis.probabilities.IN_PLACE` were taken; that says nothing of what they are good for, so that
+`made/probabilities.jsonl` begins at machine 8130.
 """
 
 import sys
@@ -25,6 +27,8 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from ambid import Record, Rig, diagnose
+from ambid.diagnosis.probabilities import PRINTED
+from ambid.effects import CATALOGUE as KNOWN
 from benchmarks.grid import Row, aligned, markdown, options, rate_text, read_rows, run_all
 from benchmarks.levitators import sized as sized_levitator
 from benchmarks.rates import NOISE_LIKE
@@ -150,13 +154,18 @@ class Statement(NamedTuple):
     p: float
     is_true: bool
 
+    @property
+    def is_listed(self) -> bool:
+        """Whether a person reads of it, or should."""
+        return self.p >= PRINTED or self.is_true
+
 
 def statements(row: Row) -> Iterator[Statement]:
-    """All that a diagnosis states."""
+    """All that a diagnosis states, of effects that it does not list too."""
     stated = row["probabilities"]
     is_outside = row["kind"] == "outside"
     truth = {"something_else"} if is_outside else set(row["hidden"]) or {"nothing"}
-    for name in sorted(set(stated) | truth):
+    for name in sorted({effect.name for effect in KNOWN} | {"nothing", "something_else"}):
         yield Statement(row["key"][0], len(row["hidden"]), name, stated.get(name, 0.0), name in truth)
 
 
@@ -167,10 +176,10 @@ def as_verdict(row: Row) -> dict[str, float]:
     return {own.name: 0.9 if own.name in named else 0.1 for own in statements(row)}
 
 
-def log_score(p: Sequence[float], truth: Sequence[bool]) -> float:
-    """Mean of minus the log of what was given to what came."""
+def log_score(p: Sequence[float], truth: Sequence[bool], machines: int) -> float:
+    """Minus the log of what was given to what came, the mean of machines."""
     p = np.clip(np.array(p), FLOOR, 1.0 - FLOOR)
-    return float(-np.mean(np.log(np.where(truth, p, 1.0 - p))))
+    return float(-np.sum(np.log(np.where(truth, p, 1.0 - p))) / machines)
 
 
 def share_left(row: Row) -> float:
@@ -194,13 +203,13 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
             sure = [s.is_true for s in said if s.p >= SURE]
             plain = [as_verdict(r)[s.name] for r in own for s in statements(r)]
             truth = [s.is_true for s in said]
-            scores = log_score([s.p for s in said], truth), log_score(plain, truth)
+            scores = (log_score(p, truth, len(own)) for p in ([s.p for s in said], plain))
             lines.append((population, hidden, len(own), rate_text(sum(sure), len(sure)), *(f"{x:.3f}" for x in scores)))
-    said = sorted((s for r in kept for s in statements(r)), key=lambda s: s.p)
+    said = sorted((s for r in kept for s in statements(r) if s.is_listed), key=lambda s: s.p)
     p, truth = np.array([s.p for s in said]), np.array([s.is_true for s in said], dtype=float)
     calibrated = isotonic_regression(truth).x
     print(aligned(head, lines))
-    print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} statements")
+    print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} listed statements")
     print(f"{len(drawn) - len(kept)} apart whose hidden effect is louder noise, to any diagnosis")
     print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
     shares = [share_left(row) for row in kept if row["kind"] == "outside" and row["misfits"][0] > 1.0 + SMALL]

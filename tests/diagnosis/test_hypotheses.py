@@ -49,7 +49,7 @@ def test_without_any_noise_nothing_is_left():
 def of(left, on_tones=0.0, waves=0):
     """A base model that leaves so much beyond the noise of 1000 numbers."""
     return Evidence(
-        cost=1000.0 + left, expected=1000.0, deviation=45.0, formula_errors={}, beginnings=0.0,
+        cost=1000.0 + left, expected=1000.0, deviation=45.0, formula_errors={}, line_errors={}, beginnings=0.0,
         information=np.zeros((0, 0)), kinds=(), prior=0.0, on_tones=on_tones, waves=waves,
     )  # fmt: skip
 
@@ -114,6 +114,30 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     assert nameless.effects["loop_delay"] < 0.85 < 0.9 < sure.effects["loop_delay"]
 
 
+@pytest.mark.parametrize("is_wave", [False, True])
+def test_what_a_formula_may_leave_is_no_reason_against_an_effect_that_takes_all_of_it(is_wave):
+    """It could be of any kind; what a wave leaves lies on its own line, where nothing else acts."""
+    fit = compare(Model(ONE_AXIS.rig), record({}, 3))
+    sets = [(), (find("coulomb_friction"),), (find("coulomb_friction"), find("channel_gain"))]
+    kinds = [(), (Kind(1, 0),), (Kind(1, 0), Kind(4, 0))]
+    errors = {frozenset(): 0.03}
+    tried = {
+        frozenset(effect.name for effect in own): Hypothesis(
+            own,
+            fit,
+            None,
+            1.0,
+            replace(
+                of(left), kinds=kind, information=1e3 * np.eye(sum(each.numbers for each in kind)),
+                prior=3.0 * len(own), formula_errors=errors if own else {},
+                line_errors=errors if own and is_wave else {},
+            ),
+        )
+        for own, left, kind in zip(sets, (7e4, 2e3, 0.0), kinds, strict=True)
+    }  # fmt: skip
+    assert Field(Yardstick(fit, None, {}), tried).best.added == sets[1 if is_wave else 2]
+
+
 def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed():
     """With few ways it would be too cheap: it costs what it has to choose from."""
     rig = ONE_AXIS.rig
@@ -172,7 +196,7 @@ def test_what_leads_nowhere_is_tried_with_no_more(monkeypatch, left, leads_on):
         yield field
 
     monkeypatch.setattr(search, "_carried_on", noted)
-    monkeypatch.setattr(search, "without", lambda field, *_: field)
+    monkeypatch.setattr(search, "without", lambda task, field, *_: field)
     monkeypatch.setattr(search, "_with_twins", lambda *_: ())
     list(search.reconsidered(None, Field(None, tried, {})))
     assert carried == [names[-1]] * leads_on
@@ -194,7 +218,7 @@ def test_what_is_left_of_a_set_is_fitted_from_the_values_that_it_had_without(mon
     monkeypatch.setattr(refits, "refit", fitted)
     tried = {frozenset({known.name}): Hypothesis((known,), fit.of(alone), None, 1.0, of(0.0))}
     whole = Hypothesis(both.effects, fit, None, 1.0, of(0.0))
-    refits.without(Field(None, tried), whole, both.effects[1])
+    refits.without(Task(Model(rig), (), (), silent), Field(None, tried), whole, both.effects[1])
     assert [(model.effects, model["external_damping.damping"].value) for model in begun] == [
         ((moved,), 9.0),
         ((moved,), 5.0),

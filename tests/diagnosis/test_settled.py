@@ -5,9 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import Model, diagnose
+from ambid import Model, diagnose, identify
+from ambid.diagnosis.settled import placed
 from ambid.effects import find
+from ambid.effects.damping import CoulombFriction
 from ambid.effects.support import SealForces
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
 from hidden.bench import measured
 from hidden.families import BENCHES
 
@@ -33,6 +37,20 @@ def test_a_seal_is_found_where_it_is():
     assert seal.z == pytest.approx(z, abs=0.02 * (last - first))
     assert abs(found.parameters["seal_forces.direct_stiffness"].value / 4e5 - 1.0) < 0.01
     assert any("seal_forces.z" in line and f"{seal.z:.6g} m" in line for line in repr(found).splitlines())
+
+
+def test_friction_that_was_taken_for_that_at_the_magnets_is_asked_where_it_explains_more():
+    """As it is fitted there; it leaves no more than noise where it rubs, and is not moved from there."""
+    hidden = {"coulomb_friction": {"force": 2.0, "z": BENCH.middle}}
+    fit = identify(BENCH.rig, record(BENCH.rig, hidden, 3)).comparison
+    own = CoulombFriction(width=1e-6, fastest=1e-3)
+    everywhere = refit(fit.of(fit.model.add(own)), step=ROUGHLY)
+    assert everywhere.misfit > 1.1
+    places = [None, *BENCH.rig.rotor.span, BENCH.middle]
+    there = placed(everywhere, everywhere.model.effects[0], places)
+    assert there.model.effects[0].z == BENCH.middle
+    assert there.misfit < 1.05
+    assert placed(there, there.model.effects[0], places) is there
 
 
 def test_a_place_that_a_person_gives_stays():

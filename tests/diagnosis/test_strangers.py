@@ -89,7 +89,7 @@ def test_damping_that_turns_is_no_seal_at_the_same_place():
     few = [effect(name) for name in ("internal_damping", "seal_forces", "sensor_misalignment", "external_damping")]
     found = diagnosed(910, "internal_damping", "clear", catalogue=few)
     assert (found.verdict, found.effects) == ("explained", ("internal_damping",)), found
-    assert found.probabilities.effects["internal_damping"] > 0.95
+    assert found.probabilities.effects["internal_damping"] > 0.9
 
 
 @pytest.mark.slow

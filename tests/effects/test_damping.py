@@ -94,7 +94,7 @@ def test_where_it_is_tried():
     assert whole == ExternalDamping()
     assert {own.z for own in places} == {own.z for own in find("internal_damping").variants(seen)} >= disks
     assert "external_damping" in find("internal_damping").why_not(BENCH.rig)
-    assert find("external_damping").variants(Seen(ONE_AXIS.rig, {})) == (ExternalDamping(),)
+    assert find("external_damping").variants(Seen(ONE_AXIS.rig, {})) == [ExternalDamping()]
     assert isinstance(ONE_AXIS.rig.rotor, PointMassRotor)
     for name in ("internal_damping", "magnetic_pull"):
         assert find(name).why_not(ONE_AXIS.rig)

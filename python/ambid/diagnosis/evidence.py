@@ -107,7 +107,9 @@ class Evidence:
     expected, deviation : float
         Of a right model, mean and standard deviation of that.
     formula_errors : mapping of frozenset of str to float
-        By the names of the others, part of what an effect explains beside them that its formula is known to leave.
+        By the names of the others, part of what an effect explains beside them that its formula may leave.
+    line_errors : mapping of frozenset of str to float
+        The same of those that leave it on lines of their own, where nothing else acts.
     beginnings : float
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
@@ -124,6 +126,7 @@ class Evidence:
     expected: float
     deviation: float
     formula_errors: Mapping[frozenset[str], float]
+    line_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
     kinds: tuple[Kind, ...]
@@ -178,6 +181,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         expected=float(fit.dof),
         deviation=deviation(fit),
         formula_errors={},
+        line_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
         kinds=(Kind(degrees, one_sided),) if degrees else (),
@@ -251,12 +255,14 @@ class Yardstick:
         parameters = fit.model.parameters
         own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
         kinds = _kinds(parameters, own)
-        names = frozenset(effect.name for effect in added)
+        names, rig = frozenset(effect.name for effect in added), fit.model.rig
+        errors = {own: own.formula_error for own in added if own.formula_error}
         return Evidence(
             cost=cost,
             expected=expected,
             deviation=float(np.sqrt(variance)),
-            formula_errors={names - {own.name}: own.formula_error for own in added if own.formula_error},
+            formula_errors={names - {own.name}: error for own, error in errors.items()},
+            line_errors={names - {own.name}: error for own, error in errors.items() if own.frequencies_hz(rig)},
             beginnings=self._beginnings(fits),
             information=_information(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),

@@ -189,17 +189,17 @@ class Field:
         return self._lowest.beyond + max(0.0, self._above(own))
 
     def _above(self, own: Evidence) -> float:
-        """J of a set above that of the set that comes nearest to noise, but for what its formulas are known to leave.
-
-        That is a hypothesis of its own that is bound to the effect: it gives no other effect a name.
-        """
+        """J of a set above that of the set that comes nearest to noise, but for what formulas leave on own lines."""
         above = own.cost - self._lowest.cost
-        return above if above < 0.0 else max(0.0, above - self.of_formulas(own))
+        return above if above < 0.0 else max(0.0, above - self._of(own, own.line_errors))
 
     def of_formulas(self, own: Evidence) -> float:
-        """J that the formulas of a set are known to leave, of what each effect explains beside the others."""
+        """J that the formulas of a set may leave, of what each effect explains beside the others."""
+        return self._of(own, own.formula_errors)
+
+    def _of(self, own: Evidence, errors: Mapping[Names, float]) -> float:
         left = 0.0
-        for rest, error in own.formula_errors.items():
+        for rest, error in errors.items():
             if without := self.unexplained if rest <= self.root else rest in self.tried and self.tried[rest].evidence:
                 left += error * max(0.0, without.cost - own.cost)
         return left

@@ -19,7 +19,7 @@ def steps_to(task: Task, field: Field, best: Hypothesis, base: Comparison) -> li
     for effect in reversed(best.added):
         names = chain[0].names - {effect.name}
         if names not in field.tried:
-            field = without(field, chain[0], effect)
+            field = without(task, field, chain[0], effect)
         if names in field.tried:
             chain.insert(0, field.tried[names])
     steps: list[Step] = []

@@ -11,6 +11,9 @@ NEGLIGIBLE = 1e-4
 """Probability below which a set is not listed."""
 PRINTED = 0.01
 """Probability from which on a hypothesis is printed."""
+IN_PLACE = 0.05
+"""How often something without a name is in the place of effects, however little they leave: of 91 that were stated with
+98 % and more on machines drawn at random, 5 were not there."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +109,7 @@ def probabilities(
     changing: float = 0.0,
     clean: frozenset[str] | None = None,
 ) -> Probabilities:
-    """Of all sets of a field.
+    """Of all sets of a field: by their evidence, and by how often such statements were true.
 
     Parameters
     ----------
@@ -134,8 +137,13 @@ def probabilities(
     most = max(log for log, _, _ in weighed)
     total = sum(np.exp(log - most) for log, _, _ in weighed)
     found: dict[tuple[str, ...], list[float]] = {}
+    base = field.base.effects
+    found[base] = [0.0, 0.0]
     for log, names, is_else in weighed:
-        found.setdefault(names, [0.0, 0.0])[is_else] += float(np.exp(log - most) / total)
+        p = float(np.exp(log - most) / total)
+        in_place = IN_PLACE * p if names != base else 0.0
+        found.setdefault(names, [0.0, 0.0])[is_else] += p - in_place
+        found[base][True] += in_place
     sets = [SetProbability(own_names, *p) for own_names, p in found.items()]
     kept = [own for own in sets if own.total > NEGLIGIBLE or not own.effects]
     return Probabilities(tuple(sorted(kept, key=lambda own: -own.total)))

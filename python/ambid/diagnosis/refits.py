@@ -10,9 +10,10 @@ from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import OF_FORMULAS, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.ranking import rank
-from ambid.diagnosis.settled import settled
+from ambid.diagnosis.settled import placed, settled
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
+from ambid.effects.places import AtPlace
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY
@@ -47,10 +48,14 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
     """
     before = field_.tried[names]
     further = field_
-    for fit in _refitted(task, before, candidate):
-        (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
+    for end in _refitted(task, before, candidate):
+        fit = _at_their_places(task, end)
+        explains, leaves = before.fit.cost - fit.cost, fit.cost - fit.dof
+        if explains > leaves > (fit.by_chance - 1.0) * fit.dof and candidate.effect not in task.as_given:
+            (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
+            fit = settled(fit, effect)  # where it is makes a difference
         with suppress(UnstableLoopError):  # it stands at the edge of stability
-            further = further.with_((*before.added, effect), fit, before.variants * candidate.variants)
+            further = further.with_(_beside_nominal(task, fit), fit, before.variants * candidate.variants)
     if names | {candidate.effect.name} in further.tried:
         return further.felt(names, candidate.effect.name)
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
@@ -94,6 +99,21 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
     return sorted(least.values(), key=lambda end: end.cost)
 
 
+def _beside_nominal(task: Task, fit: Comparison) -> tuple[Effect, ...]:
+    """Effects that were added to the model that a diagnosis began with, in their order."""
+    return fit.model.effects[len(task.nominal.effects) :]
+
+
+def _at_their_places(task: Task, fit: Comparison, also: Sequence[float | None] = ()) -> Comparison:
+    """A fit with each effect that may act elsewhere where it explains most: at places of its own, or of the others."""
+    for name in [effect.name for effect in fit.model.effects if effect not in task.as_given]:
+        (effect,) = (own for own in fit.model.effects if own.name == name)
+        if isinstance(effect, AtPlace):
+            others = [own.z for own in fit.model.effects if isinstance(own, AtPlace) and own.name != name]
+            fit = placed(fit, effect, [*effect.places(home(fit.model, effect)), *others, *also])
+    return fit
+
+
 def _numbers(fit: Comparison, effect: Effect) -> int:
     """How many parameters an effect has beside a model."""
     return len(effect.parameters(home(fit.model, effect)))
@@ -132,7 +152,7 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         if effect not in task.as_given:
             fit = settled(fit, effect)
         fit = _nearer_the_rig(task, fit, effect)
-    effects = fit.model.effects[len(task.nominal.effects) :]
+    effects = _beside_nominal(task, fit)
     if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
         return field_.with_(effects, refit(fit), best.variants)
     for _ in range(MOST_RENEWALS):
@@ -196,9 +216,11 @@ def _nearer_the_rig(task: Task, fit: Comparison, effect: Effect) -> Comparison:
     return fit
 
 
-def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
-    """The field with a set less one of its effects: from the values beside it, and from those that were without it."""
-    rest = tuple(own for own in hypothesis.added if own is not effect)
+def without(task: Task, field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
+    """The field with a set less one of its effects: from the values beside it, and from those that were without it.
+
+    Another effect may take its place.
+    """
     model = hypothesis.fit.model.without(effect.name)
     starts, known = [model], field_.tried.get(hypothesis.names - {effect.name})
     reached = np.inf if known is None else known.fit.cost
@@ -207,7 +229,9 @@ def without(field_: Field, hypothesis: Hypothesis, effect: Effect) -> Field:
     for start in starts:
         with suppress(UnstableLoopError):  # no loop without it
             fit = refit(hypothesis.fit.of(start), step=ROUGHLY, bound=reached)
-            field_, reached = field_.with_(rest, fit, hypothesis.variants), min(reached, fit.cost)
+            fit = _at_their_places(task, fit, [effect.z] if isinstance(effect, AtPlace) else [])
+            field_ = field_.with_(_beside_nominal(task, fit), fit, hypothesis.variants)
+            reached = min(reached, fit.cost)
     return field_
 
 

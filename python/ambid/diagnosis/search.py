@@ -224,7 +224,7 @@ def reconsidered(task: Task, field_: Field) -> Iterator[Field]:
             yield (field_ := further)  # it had fallen behind, and lies ahead by what was tried since
         for effect in field_.tried[best].added if len(best) > 1 else ():  # else what is beside the base was tried
             names = best - {effect.name}
-            field_ = without(field_, field_.tried[best], effect)  # its settings may differ from those tried alone
+            field_ = without(task, field_, field_.tried[best], effect)  # its settings may differ from those tried alone
             if names in field_.tried:
                 for further in _carried_on(task, field_, names, by_scores=not field_.is_explained):
                     yield (field_ := further)

@@ -4,7 +4,8 @@ An effect is ranked at likely places and at frequencies as they were found. What
 hertz beside the truth leaves little of a small effect, and enough of a large one for others to be named beside it.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -12,8 +13,9 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.candidates import ALPHA
-from ambid.diagnosis.ranking import Point
+from ambid.diagnosis.ranking import ROUNDING, Point
 from ambid.effects import Effect
+from ambid.effects.places import AtPlace
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY
@@ -44,6 +46,33 @@ def settled(fit: Comparison, effect: Effect) -> Comparison:
         if fell < NEARER:
             break
     return best if fit.cost - best.cost > chdtri(len(names) or 1, ALPHA) else fit
+
+
+def placed(fit: Comparison, effect: AtPlace, places: Iterable[float | None]) -> Comparison:
+    """The fit with an effect of its model at that of some places where it explains most; as it is where that is here.
+
+    A score by a small probe errs where an effect is large, or something else is missing: this one is by its change of
+    the response at its values, beside the others at theirs.
+    """
+    found: dict[float | None, float] = {}
+    try:
+        without = fit.of(fit.model.without(effect.name))
+        point, before = Point(without), fit.noise.departure(without.model)
+    except UnstableLoopError:
+        return fit
+    for z in (effect.z, *places):
+        with suppress(UnstableLoopError, ModelError, ValueError):
+            there = fit.model if z == effect.z else _with(fit.model, effect, {"z": z})
+            (change,) = point.freed((fit.noise.departure(there) - before)[None])
+            found[z] = float(change @ point.residual) / max(float(np.linalg.norm(change)), ROUNDING)
+    best = max(found, key=lambda z: found[z], default=effect.z)
+    if best == effect.z:
+        return fit
+    try:
+        further = refit(fit.of(_with(fit.model, effect, {"z": best})), step=ROUGHLY, bound=fit.cost)
+    except (UnstableLoopError, ModelError, ValueError):
+        return fit
+    return min(fit, further, key=lambda own: own.cost)
 
 
 def _nearer(fit: Comparison, effect: str, names: list[str]) -> Comparison | None:
@@ -79,7 +108,7 @@ def _farthest(fit: Comparison, name: str) -> float:
     return OF_A_CYCLE / max(part.record.samples / part.record.sample_rate for part in fit.noise.in_time)
 
 
-def _with(model: Model, effect: Any, settings: Mapping[str, float]) -> Model:
+def _with(model: Model, effect: Any, settings: Mapping[str, float | None]) -> Model:
     """A model with other settings of one of its effects, at the same values."""
     known = dict(zip(model.names, model.theta.tolist(), strict=True))
     later = model.effects[[own.name for own in model.effects].index(effect.name) + 1 :]

@@ -139,15 +139,15 @@ class CoulombFriction(OneProbe, AtPlace):
     fastest: float = 1e-2
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
-        """At every magnet, half-way between them, and at both ends, with loops narrow and wide against the motion."""
-        rig = seen.rig
-        if self.z is not None or isinstance(rig.rotor, PointMassRotor):
-            places = [self.z]
-        else:
-            places = [None, half_way(rig), *rig.rotor.span]
-        peak = float(seen.peaks["s"])
+        """At each place, with loops narrow and wide against the motion."""
+        rig, peak = seen.rig, float(seen.peaks["s"])
+        places = self.places(rig) if self.z is None else (self.z,)
         fastest = peak * float(np.sqrt(size_of_stiffness(rig) / mass_or_one(rig)))
         return [CoulombFriction(z, share * peak, fastest) for z in places for share in (0.03, 0.3)]
+
+    def places(self, rig: Rig) -> Sequence[float | None]:
+        """At every magnet, half-way between them, and at both ends."""
+        return (None,) if isinstance(rig.rotor, PointMassRotor) else (None, half_way(rig), *rig.rotor.span)
 
     def parameters(self, rig: Rig) -> Sequence[EffectParameter]:
         """Force that it slips at [N], one over the width of its loop [1/m], and how gradually it begins to slip."""

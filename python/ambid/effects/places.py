@@ -106,10 +106,14 @@ class AtPlace(Effect):
     z: float | None = None
 
     def variants(self, seen: Seen) -> Sequence[Effect]:
+        """At its place, or at each of those that it may have."""
+        return (self,) if self.z is not None else [replace(self, z=z) for z in self.places(seen.rig)]
+
+    def places(self, rig: Rig) -> Sequence[float | None]:
         """Everywhere, if it can be; half-way between the bearings, and at every disk."""
-        if self.z is not None or isinstance(seen.rig.rotor, PointMassRotor):
-            return (self,)
-        return [*([self] if self.everywhere else []), *(replace(self, z=z) for z in likely_places(seen.rig))]
+        if isinstance(rig.rotor, PointMassRotor):
+            return (None,)
+        return [*([None] if self.everywhere else []), *likely_places(rig)]
 
     def place(self, rig: Rig) -> float:
         """Where it acts [m]; by default half-way between the outermost bearings."""

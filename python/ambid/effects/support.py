@@ -209,7 +209,7 @@ class RotorContact(OneProbe, AtPlace):
         """At every magnet, half-way between them and at every disk, with clearances within the largest displacement."""
         peak = float(seen.peaks["s"])
         fastest = peak * float(np.sqrt(size_of_stiffness(seen.rig) / mass_or_one(seen.rig)))
-        places = [own.z for own in super().variants(seen) if isinstance(own, RotorContact)]
+        places = self.places(seen.rig) if self.z is None else (self.z,)
         # the first is beyond the largest displacement along an axis; in the plane it is larger
         return [RotorContact(z, share * peak, fastest) for z in places for share in (1.2, 0.9, 0.6, 0.3)]
 

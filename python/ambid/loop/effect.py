@@ -149,7 +149,7 @@ class Effect(ABC):
     in_record : bool
         Whether it is an error of the record alone, which the machine does not have.
     formula_error : float
-        Part of what it explains that its formula may leave, for another effect to be no better an explanation of.
+        Part of what it explains that its formula may leave.
     unseen : str
         Why it is not tried where it has no `variants`.
     fine : tuple of str
