@@ -181,10 +181,9 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     room, known = field_.left_by(hypothesis), field_.parts.get((hypothesis.names, c.effect.name))
     if known is not None:
         fall = known * room
-    elif _is_blind(hypothesis, c) and (felt := _felt_before(field_, hypothesis, c)) is not None:
-        fall = min(room, UNDERSTATED * max(felt, c.score))
     else:
-        fall = max(c.score, room if _is_blind(hypothesis, c) else min(room, UNDERSTATED * c.score))
+        felt = _felt_before(field_, hypothesis, c) if _is_blind(hypothesis, c) else c.score
+        fall = max(c.score, room if felt is None else min(room, UNDERSTATED * max(felt, c.score)))
     return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
 
 
