@@ -49,7 +49,7 @@ def test_without_any_noise_nothing_is_left():
 def of(left, on_tones=0.0, waves=0):
     """A base model that leaves so much beyond the noise of 1000 numbers."""
     return Evidence(
-        cost=1000.0 + left, expected=1000.0, deviation=45.0, formula_errors={}, line_errors={}, beginnings=0.0,
+        cost=1000.0 + left, expected=1000.0, deviation=45.0, formula_errors={}, usual_errors={}, beginnings=0.0,
         information=np.zeros((0, 0)), kinds=(), prior=0.0, on_tones=on_tones, waves=waves,
     )  # fmt: skip
 
@@ -114,9 +114,9 @@ def test_an_effect_is_less_sure_beside_what_has_no_name():
     assert nameless.effects["loop_delay"] < 0.85 < 0.9 < sure.effects["loop_delay"]
 
 
-@pytest.mark.parametrize("is_wave", [False, True])
-def test_what_a_formula_may_leave_is_no_reason_against_an_effect_that_takes_all_of_it(is_wave):
-    """It could be of any kind; what a wave leaves lies on its own line, where nothing else acts."""
+@pytest.mark.parametrize("is_usual", [False, True])
+def test_what_a_formula_may_leave_is_no_reason_against_an_effect_that_takes_all_of_it(is_usual):
+    """It could be of any kind; what it leaves as a rule speaks for nothing else."""
     fit = compare(Model(ONE_AXIS.rig), record({}, 3))
     sets = [(), (find("coulomb_friction"),), (find("coulomb_friction"), find("channel_gain"))]
     kinds = [(), (Kind(1, 0),), (Kind(1, 0), Kind(4, 0))]
@@ -130,12 +130,12 @@ def test_what_a_formula_may_leave_is_no_reason_against_an_effect_that_takes_all_
             replace(
                 of(left), kinds=kind, information=1e3 * np.eye(sum(each.numbers for each in kind)),
                 prior=3.0 * len(own), formula_errors=errors if own else {},
-                line_errors=errors if own and is_wave else {},
+                usual_errors=errors if own and is_usual else {},
             ),
         )
         for own, left, kind in zip(sets, (7e4, 2e3, 0.0), kinds, strict=True)
     }  # fmt: skip
-    assert Field(Yardstick(fit, None, {}), tried).best.added == sets[1 if is_wave else 2]
+    assert Field(Yardstick(fit, None, {}), tried).best.added == sets[1 if is_usual else 2]
 
 
 def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed():

@@ -108,8 +108,8 @@ class Evidence:
         Of a right model, mean and standard deviation of that.
     formula_errors : mapping of frozenset of str to float
         By the names of the others, part of what an effect explains beside them that its formula may leave.
-    line_errors : mapping of frozenset of str to float
-        The same of those that leave it on lines of their own, where nothing else acts.
+    usual_errors : mapping of frozenset of str to float
+        The same of what they leave as a rule.
     beginnings : float
         What the numbers cost that say how records begin, beyond those of the base model.
     information : ndarray, shape (q, q)
@@ -126,7 +126,7 @@ class Evidence:
     expected: float
     deviation: float
     formula_errors: Mapping[frozenset[str], float]
-    line_errors: Mapping[frozenset[str], float]
+    usual_errors: Mapping[frozenset[str], float]
     beginnings: float
     information: FloatArray
     kinds: tuple[Kind, ...]
@@ -181,7 +181,7 @@ def by_score(fit: Comparison, misfit: float, score: float, degrees: int, one_sid
         expected=float(fit.dof),
         deviation=deviation(fit),
         formula_errors={},
-        line_errors={},
+        usual_errors={},
         beginnings=0.0,
         information=np.eye(degrees) * max(0.0, score),
         kinds=(Kind(degrees, one_sided),) if degrees else (),
@@ -255,14 +255,16 @@ class Yardstick:
         parameters = fit.model.parameters
         own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
         kinds = _kinds(parameters, own)
-        names, rig = frozenset(effect.name for effect in added), fit.model.rig
-        errors = {own: own.formula_error for own in added if own.formula_error}
+        names = frozenset(effect.name for effect in added)
+        errors = {names - {own.name}: own for own in added if own.formula_error}
         return Evidence(
             cost=cost,
             expected=expected,
             deviation=float(np.sqrt(variance)),
-            formula_errors={names - {own.name}: error for own, error in errors.items()},
-            line_errors={names - {own.name}: error for own, error in errors.items() if own.frequencies_hz(rig)},
+            formula_errors={rest: own.formula_error for rest, own in errors.items()},
+            usual_errors={
+                rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
+            },
             beginnings=self._beginnings(fits),
             information=_information(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),

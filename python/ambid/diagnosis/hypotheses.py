@@ -189,9 +189,9 @@ class Field:
         return self._lowest.beyond + max(0.0, self._above(own))
 
     def _above(self, own: Evidence) -> float:
-        """J of a set above that of the set that comes nearest to noise, but for what formulas leave on own lines."""
+        """J of a set above that of the set that comes nearest to noise, but for what formulas leave as a rule."""
         above = own.cost - self._lowest.cost
-        return above if above < 0.0 else max(0.0, above - self._of(own, own.line_errors))
+        return above if above < 0.0 else max(0.0, above - self._of(own, own.usual_errors))
 
     def of_formulas(self, own: Evidence) -> float:
         """J that the formulas of a set may leave, of what each effect explains beside the others."""

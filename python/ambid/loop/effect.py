@@ -150,6 +150,8 @@ class Effect(ABC):
         Whether it is an error of the record alone, which the machine does not have.
     formula_error : float
         Part of what it explains that its formula may leave.
+    usual_error : float or None
+        The part that it leaves as a rule, which speaks for nothing else; by default all of `formula_error`.
     unseen : str
         Why it is not tried where it has no `variants`.
     fine : tuple of str
@@ -171,6 +173,7 @@ class Effect(ABC):
     within_command: ClassVar[bool] = False
     in_record: ClassVar[bool] = False
     formula_error: ClassVar[float] = 0.0
+    usual_error: ClassVar[float | None] = None
     fine: ClassVar[tuple[str, ...]] = ()
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
     unseen: ClassVar[str] = "the records show nothing that it could be tried at"
