@@ -51,7 +51,7 @@ ORDER = 8
 """Of the PRBS, at the most: what an effect causes is drawn, whatever the length of the records."""
 SETS = 8
 """So many of a diagnosis are kept."""
-SURE = 0.9
+SURE, CERTAIN = 0.9, 0.98
 FLOOR = 1e-4
 SMALL, NOT_SEEN = 0.03, 3e-3
 """Part of J/dof beyond 1 of which shares are told, and the least of these."""
@@ -212,6 +212,8 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} listed statements")
     print(f"{len(drawn) - len(kept)} apart whose hidden effect is louder noise, to any diagnosis")
     print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
+    certain = [s for s in said if s.p >= CERTAIN and s.name not in ("nothing", "something_else")]
+    print(f"{len(certain)} effects of {CERTAIN:.0%} and more, {sum(not s.is_true for s in certain)} not there")
     shares = [share_left(row) for row in kept if row["kind"] == "outside" and row["misfits"][0] > 1.0 + SMALL]
     if shares:
         power = -1.0 / np.mean(np.log(shares))

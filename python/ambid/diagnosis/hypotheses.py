@@ -290,7 +290,7 @@ class Field:
 def begun(task: Task, base: Comparison, *others: Comparison) -> Field:
     """The field with the base model alone; of an unstable one, with each of what makes it stable, the best first."""
     kept_back = compare(base.model, task.validate) if task.validate else None
-    added = [fit.model.effects[len(task.nominal.effects) :] for fit in (base, *others)]
+    added = [task.beside_nominal(fit.model) for fit in (base, *others)]
     field_ = Field(Yardstick(base, kept_back, task.prior), root=frozenset(effect.name for effect in added[0]))
     for own, fit in zip(added, (base, *others), strict=True):
         field_ = field_.with_(own, fit)

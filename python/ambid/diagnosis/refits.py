@@ -55,7 +55,7 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
             (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
             fit = settled(fit, effect)  # where it is makes a difference
         with suppress(UnstableLoopError):  # it stands at the edge of stability
-            further = further.with_(_beside_nominal(task, fit), fit, before.variants * candidate.variants)
+            further = further.with_(task.beside_nominal(fit.model), fit, before.variants * candidate.variants)
     if names | {candidate.effect.name} in further.tried:
         return further.felt(names, candidate.effect.name)
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
@@ -97,11 +97,6 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
             found += 1
             least[count] = end if end.cost < reached else least[count]
     return sorted(least.values(), key=lambda end: end.cost)
-
-
-def _beside_nominal(task: Task, fit: Comparison) -> tuple[Effect, ...]:
-    """Effects that were added to the model that a diagnosis began with, in their order."""
-    return fit.model.effects[len(task.nominal.effects) :]
 
 
 def _at_their_places(task: Task, fit: Comparison, also: Sequence[float | None] = ()) -> Comparison:
@@ -152,7 +147,7 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         if effect not in task.as_given:
             fit = settled(fit, effect)
         fit = _nearer_the_rig(task, fit, effect)
-    effects = _beside_nominal(task, fit)
+    effects = task.beside_nominal(fit.model)
     if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
         return field_.with_(effects, refit(fit), best.variants)
     for _ in range(MOST_RENEWALS):
@@ -230,7 +225,7 @@ def without(task: Task, field_: Field, hypothesis: Hypothesis, effect: Effect) -
         with suppress(UnstableLoopError):  # no loop without it
             fit = refit(hypothesis.fit.of(start), step=ROUGHLY, bound=reached)
             fit = _at_their_places(task, fit, [effect.z] if isinstance(effect, AtPlace) else [])
-            field_ = field_.with_(_beside_nominal(task, fit), fit, hypothesis.variants)
+            field_ = field_.with_(task.beside_nominal(fit.model), fit, hypothesis.variants)
             reached = min(reached, fit.cost)
     return field_
 

@@ -37,6 +37,10 @@ class Task:
     as_given: tuple[Effect, ...] = ()
     given_prior: Mapping[str, float] = field(default_factory=dict)
 
+    def beside_nominal(self, model: Model) -> tuple[Effect, ...]:
+        """Effects that were added to the nominal model, in their order."""
+        return model.effects[len(self.nominal.effects) :]
+
     @property
     def prior(self) -> Mapping[str, float]:
         """How many of each effect are expected before any record."""
