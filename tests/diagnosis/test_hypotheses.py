@@ -138,6 +138,23 @@ def test_what_a_formula_may_leave_is_no_reason_against_an_effect_that_takes_all_
     assert Field(Yardstick(fit, None, {}), tried).best.added == sets[1 if is_usual else 2]
 
 
+def test_a_formula_may_leave_what_it_may_though_its_set_without_it_was_not_tried():
+    """What it explains is then judged beside what was tried within that set."""
+    names = [frozenset(own) for own in ((), ("sensor_runout", "rotor_contact"))]
+    tried = {own: Hypothesis((), None, None, 1.0, of(0.0 if own else 4e4)) for own in names}
+    errors = {frozenset({"rotor_contact"}): 1e-3}
+    assert Field(None, tried).of_formulas(replace(of(0.0), formula_errors=errors)) == pytest.approx(40.0)
+
+
+def test_what_a_refit_took_beside_a_set_in_another_noise_it_takes_of_whatever_is_left():
+    """Also of a set that leaves less than one of J: a part of at least one was remembered."""
+    own, tried = frozenset({"coulomb_friction"}), {frozenset(): 1e4, frozenset({"coulomb_friction"}): 0.0}
+    field = Field(None, {names: Hypothesis((), None, None, 1.0, of(left)) for names, left in tried.items()})
+    field = replace(field, parts={(own, "seal_forces"): 30.0})
+    assert field.fall_beside(replace(field.tried[own], added=(find("coulomb_friction"),)), "seal_forces") == 30.0
+    assert field.fall_beside(field.tried[frozenset()], "seal_forces") is None
+
+
 def test_something_else_acts_in_the_ways_of_all_effects_whichever_are_proposed():
     """With few ways it would be too cheap: it costs what it has to choose from."""
     rig = ONE_AXIS.rig

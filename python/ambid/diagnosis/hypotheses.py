@@ -169,7 +169,7 @@ class Field:
     def felt(self, names: Names, effect: str) -> Field:
         """The field that remembers what a refit beside a set took away, within what two descents may miss."""
         before, after = (self.tried[own].evidence.cost for own in (names, names | {effect}))
-        part = (before - after + ROUGHLY * before) / max(1.0, self.left_by(self.tried[names]))
+        part = (before - after + ROUGHLY * before) / self._room(self.tried[names])
         return replace(self, parts={**self.parts, (names, effect): part})
 
     def felt_before(self, hypothesis: Hypothesis, effect: str, likes: Names) -> float | None:
@@ -178,8 +178,17 @@ class Field:
         Without its likes it stood in for them, or might not: what it takes beside these is another thing.
         """
         own = [(names, part) for (names, name), part in self.parts.items() if name == effect and names in self.tried]
-        falls = [part * self.left_by(self.tried[names]) for names, part in own if likes <= names < hypothesis.names]
+        falls = [part * self._room(self.tried[names]) for names, part in own if likes <= names < hypothesis.names]
         return max(falls, default=None)
+
+    def fall_beside(self, hypothesis: Hypothesis, effect: str) -> float | None:
+        """The same by a refit beside the set itself, in whatever noise."""
+        part = self.parts.get((hypothesis.names, effect))
+        return None if part is None else part * self._room(hypothesis)
+
+    def _room(self, hypothesis: Hypothesis) -> float:
+        """What a set leaves that an effect may take, as parts of it are remembered."""
+        return max(1.0, self.left_by(hypothesis))
 
     def left_by(self, hypothesis: Hypothesis) -> float:
         """What a set leaves beyond noise, of J."""
@@ -198,11 +207,19 @@ class Field:
         return self._of(own, own.formula_errors)
 
     def _of(self, own: Evidence, errors: Mapping[Names, float]) -> float:
-        left = 0.0
-        for rest, error in errors.items():
-            if without := self.unexplained if rest <= self.root else rest in self.tried and self.tried[rest].evidence:
-                left += error * max(0.0, without.cost - own.cost)
-        return left
+        return sum(error * max(0.0, self._least_within(rest) - own.cost) for rest, error in errors.items())
+
+    def _least_within(self, names: Names) -> float:
+        """Least J of a set and of those within it, as far as they were tried."""
+        if names not in self._least:
+            tried = [own.evidence.cost for within, own in self.tried.items() if within <= names]
+            self._least[names] = min([self.unexplained.cost, *tried])
+        return self._least[names]
+
+    @cached_property
+    def _least(self) -> dict[Names, float]:
+        """Of the sets that were asked for."""
+        return {}
 
     def worth(self, hypothesis: Hypothesis) -> float:
         """Log evidence of a set, whatever is beside it."""

@@ -178,10 +178,8 @@ def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) ->
     Where a set leaves more than noise a score may err. Where scores say nothing, refits beside smaller sets do; a refit
     beside the set itself, in another noise, says all.
     """
-    room, known = field_.left_by(hypothesis), field_.parts.get((hypothesis.names, c.effect.name))
-    if known is not None:
-        fall = known * room
-    else:
+    room, fall = field_.left_by(hypothesis), field_.fall_beside(hypothesis, c.effect.name)
+    if fall is None:
         felt = _felt_before(field_, hypothesis, c) if _is_blind(hypothesis, c) else c.score
         fall = max(c.score, room if felt is None else min(room, UNDERSTATED * max(felt, c.score)))
     return _promised(task, field_, hypothesis, c, fall) > field_.promise(field_.foremost.evidence) - BEHIND
