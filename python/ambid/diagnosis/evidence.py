@@ -22,11 +22,7 @@ with the number W = sum E w_i/(1 + E w_i) of ways that count, and what is learnt
 three decades before; the odds of a residual that is looked at along these ways are in `nameless`. Where something else
 shows a nonlinear shape, its linear part has no less power than that: a set that leaves none took its place by luck.
 
-States that effects add begin each record settled, or at rest, or nearly so: the n further numbers c, in units of their
-errors, that are fitted to how a record begins have one variance before it about the likelier of both, which is found.
-With m the mean of c^2 they then lower J by n (m - 1 - log m) where m > 1, and not at all where they are no more than
-chance brings (MacKay, Neural Comput. 4 (1992) 415). The parameters are those at which both together are least: a
-direction that J hardly determines may begin the records far from any rest.
+States that effects add begin each record settled, or at rest, or nearly so, see `beginnings`.
 """
 
 from __future__ import annotations
@@ -40,11 +36,12 @@ from scipy.optimize import brentq
 from scipy.special import gammaln, log_ndtr
 
 from ambid.arrays import FloatArray
+from ambid.diagnosis.beginnings import beginnings
 from ambid.diagnosis.nameless import BEYOND, DECADES, of_any_power
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Model, Parameter
+from ambid.model import Parameter
 from ambid.noise import Comparison, Quadratic
 from ambid.noise.chance import log_odds_against
 from ambid.noise.known import known_residual, known_slopes
@@ -72,8 +69,6 @@ SHAPE_OF_FORMULAS = 0.05
 """Part of what effects explain of records without periods that their formulas may leave as a shape, or in the ways of
 effects: what stood in for friction and dead bands left 17 to 60 % of that, the coil of a levitator that was bought 0.6
 to 1.7 %."""
-NEAR, MOST_STEPS = 0.1, 20
-"""Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
 
 
 def deviation(fit: Comparison) -> float:
@@ -231,7 +226,7 @@ class Yardstick:
 
     def __init__(self, base: Comparison, kept_back: Comparison | None, prior: Mapping[str, float]) -> None:
         self.base, self.kept_back, self.prior = base, kept_back, prior
-        self._transients = {id(own): own.noise.transients(own.model) for own in (base, kept_back) if own is not None}
+        self._before = [(own, own.noise.transients(own.model)) for own in (base, kept_back) if own is not None]
 
     def evidence(
         self, fit: Comparison, kept_back: Comparison | None, added: Sequence[Effect], variants: float
@@ -239,12 +234,12 @@ class Yardstick:
         """Of a set at its optimum, whose effects are the best of so many independent variants."""
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
         on_tones, waves = fit.noise.on_tones(fit.model)
-        fits = [(fit, self.base)]
+        fits = [(fit, *self._before[0])]
         if kept_back is not None and self.kept_back is not None:
             try:
                 further = _further_cost(fit, kept_back)
                 dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
-                fits.append((kept_back, self.kept_back))
+                fits.append((kept_back, *self._before[1]))
                 at_waves = kept_back.noise.on_tones(kept_back.model)
                 on_tones, waves = on_tones + at_waves[0], waves + at_waves[1]
             except UnstableLoopError:  # no such record was made by a loop that leaves all bounds
@@ -265,7 +260,7 @@ class Yardstick:
             usual_errors={
                 rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
             },
-            beginnings=self._beginnings(fits),
+            beginnings=beginnings(fits),
             information=_information(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
             prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
@@ -277,92 +272,6 @@ class Yardstick:
         """Of a machine that does not move at all, beside that of the base model."""
         measured = [own.noise.measured_cost for own in (self.base, self.kept_back) if own is not None]
         return replace(base, cost=sum(measured))
-
-    def _beginnings(self, fits: Sequence[tuple[Comparison, Comparison]]) -> float:
-        """What the numbers cost that say how the states of linear effects begin some records, each with its base.
-
-        Where they begin far from settled and from rest, the parameters go towards where they would not, as far as J
-        lets them: what J hardly determines, beginnings do.
-        """
-        begun = [own for fit, base in fits if (own := _Begun.of(fit, base, self._transients[id(base)])) is not None]
-        if not begun:
-            return 0.0
-        model = begun[0].model
-        known = known_slopes(model, range(len(model.names)))
-        hessian = sum(own.hessian for own in begun) - (len(begun) - 1) * known.T @ known  # which count once
-        scale, lower, upper = np.array([(p.scale, p.lower - p.value, p.upper - p.value) for p in model.parameters]).T
-        step, least = np.zeros(len(scale)), np.inf
-        for _ in range(MOST_STEPS):
-            variances = [own.squares(step) / own.numbers for own in begun]
-            cost = 0.5 * float(step @ hessian @ step)
-            cost += sum(0.5 * own.numbers * _surprise(v) for own, v in zip(begun, variances, strict=True))
-            if cost > least - NEAR:
-                break
-            least, form, gradient = cost, hessian, np.zeros(len(step))
-            for own, variance in zip(begun, variances, strict=True):
-                form = form + own.form / max(1.0, variance)
-                gradient = gradient + own.gradient / max(1.0, variance)
-            inverse, _ = inverted(form * np.outer(scale, scale))
-            step = np.clip(-scale * (inverse @ (scale * gradient)), lower, upper)
-        return min(cost, least)
-
-
-def _surprise(variance: float) -> float:
-    """What numbers of such a variance, in units of their errors, cost, each twice."""
-    return 1.0 + float(np.log(variance)) if variance > 1.0 else variance
-
-
-class _Begun(NamedTuple):
-    """The squares of the numbers that say how added states begin the records of a fit, about its parameters.
-
-    Attributes
-    ----------
-    model : Model
-        Of the fit, linear.
-    numbers : int
-    least : float
-        Sum of squares at the fit, in units of their errors.
-    gradient, form : ndarray, shapes (q,), (q, q)
-        They grow by ``2 gradient' step + step' form step``.
-    hessian : ndarray, shape (q, q)
-        Of J.
-    """
-
-    model: Model
-    numbers: int
-    least: float
-    gradient: FloatArray
-    form: FloatArray
-    hessian: FloatArray
-
-    def squares(self, step: FloatArray) -> float:
-        """Their sum so far from the fit."""
-        return max(0.0, self.least + float(2.0 * self.gradient @ step + step @ self.form @ step))
-
-    @classmethod
-    def of(cls, fit: Comparison, base: Comparison, known: Sequence[FloatArray]) -> _Begun | None:
-        """Settled or at rest, whichever is nearer; None where no states were added to the base's."""
-        model, noise = fit.model.without_nonlinear(), fit.noise
-        fitted, before = (own.noise.quadratic(own.model, []).fitted for own in (fit, base))
-        if fitted <= before or not model.is_stable:
-            return None
-        free = list(range(len(model.names)))
-
-        def freed(rows: FloatArray) -> FloatArray:
-            for part, basis in zip(noise.by_record(rows), known, strict=True):
-                part -= basis @ (basis.T @ part)
-            return rows
-
-        settled, rests = freed(noise.departure(model)), freed(noise.departure_from_rest(model)[0])
-        if settled @ settled < rests @ rests:
-            departure, slopes = settled, noise.slopes(model, free)
-        else:
-            departure, slopes = rests, noise.departure_from_rest(model, free)[1]
-        slopes = freed(slopes)
-        at = noise.quadratic(model, free)
-        least = float(departure @ departure) - at.cost
-        gradient, form = slopes.T @ departure - at.gradient, slopes.T @ slopes - at.hessian
-        return cls(model, fitted - before, least, gradient, form, at.hessian)
 
 
 def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
