@@ -322,6 +322,17 @@ def test_the_truth_begins_a_short_record_settled_though_its_parameters_are_hardl
     assert yardstick.evidence(fit, None, fit.model.effects, 1.0).beginnings < numbers
 
 
+def test_where_a_record_begins_settled_is_sought_as_far_off_as_the_truth_is():
+    """K_s are known to 40 %: the fit begins the record at 500 times what its errors are, a linear step at 140 times."""
+    machine = replace(stranger(35566), order=8)
+    rig, train, _, _ = experiment_on(machine, {"eddy_currents": Sized({"tau": 1e-4}, 0.11, 0.0)}, 35566)
+    base = compare(Model(rig), train)
+    fit = refit(base.of(base.model.add(find("eddy_currents"))))
+    numbers = fit.noise.quadratic(fit.model, []).fitted - base.noise.quadratic(base.model, []).fitted
+    evidence = Yardstick(base, None, {"eddy_currents": 0.01}).evidence(fit, None, fit.model.effects, 1.0)
+    assert evidence.beginnings < numbers
+
+
 @pytest.mark.slow
 def test_records_kept_back_cost_what_a_fit_to_them_too_leaves():
     """One step of Newton's, with rough derivatives of what is not linear, leads where both records are fitted best."""
