@@ -45,3 +45,16 @@ def test_a_dead_band_is_given_no_name_and_a_next_step():
     assert (own.verdict, own.effects) == ("none_of_the_candidates", ())
     assert own.probabilities.something_else > 0.9 > 0.5 > max(own.probabilities.effects.values())
     assert own.next_steps[0].code == "next_other_amplitudes"
+
+
+@pytest.mark.parametrize(("effect", "values"), [
+    ("cubic_bearing_force", {"coefficient": 2.505e8}),
+    ("rotor_contact", {"stiffness": 130.0, "clearance": 1.39e-4}),
+])  # fmt: skip
+def test_a_stop_is_held_against_a_smooth_spring_before_it_is_named(effect, values):
+    """Stops with a small clearance left 3 % of what a spring that stiffens explained."""
+    machine = levitator(32801)
+    train, kept_back = (machine.record({effect: values}, seed) for seed in (1, 2))
+    own = diagnose(machine.rig, train, validate=kept_back)
+    is_named = effect == "rotor_contact"
+    assert (own.verdict, own.effects) == (("explained", (effect,)) if is_named else ("none_of_the_candidates", ())), own

@@ -263,10 +263,14 @@ class Yardstick:
             beginnings=beginnings(fits),
             information=_information(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
-            prior=float(np.log(variants)) - sum(float(np.log(self.prior[effect.name])) for effect in added),
+            prior=float(np.log(variants)) - sum(self._usual(effect) for effect in added),
             on_tones=on_tones,
             waves=waves,
         )
+
+    def _usual(self, effect: Effect) -> float:
+        """Log of how likely an effect is before any record; a shape without a name is as likely as one that has one."""
+        return float(np.log(self.prior.get(effect.name, USUAL / max(1, len(self.prior)))))
 
     def motion(self, base: Evidence) -> Evidence:
         """Of a machine that does not move at all, beside that of the base model."""

@@ -77,6 +77,8 @@ class Field:
         What makes an unstable base model stable, in the set that the search began with; nothing of a stable one.
     parts : mapping of (frozenset of str, str) to float
         Part of what a set left that a refit of an effect beside it took away.
+    nameless : mapping of frozenset of str to Hypothesis
+        By the names of a set, that beside a shape that has no name, in the place of an effect.
     whole : Ranking or None
         Of all known effects beside the root, whichever of them are proposed: something else acts in their ways.
     """
@@ -86,6 +88,7 @@ class Field:
     rankings: Mapping[Names, Ranking] = field(default_factory=dict)
     root: Names = frozenset()
     parts: Mapping[tuple[Names, str], float] = field(default_factory=dict)
+    nameless: Mapping[Names, Hypothesis] = field(default_factory=dict)
     whole: Ranking | None = None
 
     @property

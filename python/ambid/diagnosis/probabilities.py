@@ -134,6 +134,9 @@ def probabilities(
         weighed.append((field.alone(own.evidence) - (0.0 if is_clean else against), own.effects, False))
         weighed += [(of_formulas, own.effects, False), (something_else, own.effects, True)]
         weighed += [(something_else + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
+    for rest, own in field.nameless.items():
+        names = tuple(name for name in own.effects if name in rest)
+        weighed.append((field.alone(own.evidence), names, True))
     most = max(log for log, _, _ in weighed)
     total = sum(np.exp(log - most) for log, _, _ in weighed)
     found: dict[tuple[str, ...], list[float]] = {}

@@ -5,8 +5,9 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
-from ambid.diagnosis.candidates import Candidate, Ranking
+from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.evidence import OF_FORMULAS, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.ranking import rank
@@ -14,9 +15,10 @@ from ambid.diagnosis.settled import placed, settled
 from ambid.diagnosis.task import Task
 from ambid.effects import Effect
 from ambid.effects.places import AtPlace
+from ambid.effects.shapes import SHAPES
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
-from ambid.identification.problem import ROUGHLY
+from ambid.identification.problem import ROUGHLY, UNDERSTATED
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.rig import Rig
@@ -65,8 +67,8 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
     Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is. What
-    one start of a variant explains within chance, or what formulas leave, needs no other start, but other variants that
-    a score does not tell from it: a few in J decide between sets.
+    one start of a variant explains within chance, or what formulas leave, needs no other start, but one far off where
+    it explains nothing, and other variants that a score does not tell from it: a few in J decide between sets.
     """
     fit = before.fit
     is_far_off = fit.cost > FAR_OFF * fit.dof
@@ -78,19 +80,19 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comp
     ]
     if candidate.from_start or is_far_off or _is_driven_off(task, fit.model):
         starts.append((nominal_beside(task, fit.model), candidate.effect, candidate.start))
-    if fit.cost > fit.dof * fit.by_chance:
-        starts += _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
-    starts.append((fit.model, candidate.effect, {}))
+    far = _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
+    starts += [*far, (fit.model, candidate.effect, {})]
     enough = fit.dof + max(fit.dof * (fit.by_chance - 1.0), OF_FORMULAS * (fit.cost - fit.dof))
     alike = [effect for effect, _, share in candidate.near if share > LIKE]
     found, least = 0, dict[int, Comparison]()  # by the number of parameters
-    for base, effect, values in starts:
+    for start in starts:
+        base, effect, values = start
         count = _numbers(fit, effect)
         reached = least[count].cost if count in least else np.inf
-        is_untried = effect in alike
+        is_untried = effect in alike or (start in far and fit.cost - reached < chdtri(count, ALPHA))
         if (reached < enough and not is_untried) or found == len(starts) - 1:
             continue
-        if is_untried:
+        if effect in alike:
             alike.remove(effect)
         with suppress(UnstableLoopError, ModelError, ValueError):
             end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=reached)
@@ -136,6 +138,18 @@ def ranked(task: Task, fit: Comparison) -> Ranking:
     return replace(begun, at_fit=own.candidates)
 
 
+def beside_shapes(task: Task, field_: Field, names: Names) -> Field:
+    """The field with what has a shape but no name beside a set, where it explains half of what is left by its score."""
+    before = field_.tried[names]
+    with suppress(UnstableLoopError):
+        for candidate in rank(before.fit, SHAPES, start=nominal_beside(task, before.fit.model)).candidates:
+            if candidate.score > 0.5 * field_.left_by(before) / UNDERSTATED:
+                with suppress(ModelError):
+                    own = added(task, field_, names, candidate).tried[names | {candidate.effect.name}]
+                    field_ = replace(field_, nameless={**field_.nameless, names: own})
+    return field_
+
+
 def refined(task: Task, field_: Field, names: Names) -> Field:
     """A set at its best settings, and all sets in the noise that it leaves.
 
@@ -160,7 +174,7 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:
         kept_back = kept_back.of(fit.model).renewed().of(base.model)
-    renewed = replace(field_, yardstick=Yardstick(base, kept_back, task.prior), tried={})
+    renewed = replace(field_, yardstick=Yardstick(base, kept_back, task.prior), tried={}, nameless={})
     renewed = renewed.with_(field_.base.added, base).with_(effects, fit, best.variants)
     for own in field_.tried.values():
         is_rival = len(own.names) >= len(best.names) > 0 and not _is_hopeless(field_, own, best)

@@ -17,7 +17,7 @@ from ambid.diagnosis.candidates import Candidate, Ranking
 from ambid.diagnosis.evidence import price_of
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
 from ambid.diagnosis.nameless import Ways
-from ambid.diagnosis.refits import added, home, ranked, refined, without
+from ambid.diagnosis.refits import added, beside_shapes, home, ranked, refined, without
 from ambid.diagnosis.task import Task
 from ambid.effects import CATALOGUE, Effect, Trait
 from ambid.errors import ModelError, UnstableLoopError
@@ -60,6 +60,16 @@ def explored(task: Task, field_: Field) -> Iterator[Field]:
             yield (field_ := refined(task, field_, field_.foremost.names))
     for further in reconsidered(task, field_):
         yield (field_ := further)
+    for further in _held_against_shapes(task, field_):
+        yield (field_ := further)
+
+
+def _held_against_shapes(task: Task, field_: Field) -> Iterator[Field]:
+    """What has a shape but no name, in the place of effects of the best set."""
+    best = field_.foremost
+    for names in [own for own in field_.tried if own < best.names]:
+        task.progress(f"a smooth shape in the place of {' + '.join(sorted(best.names - names))}", 0, 1)
+        yield (field_ := beside_shapes(task, field_, names))
 
 
 def _leads_on(field_: Field, size: int) -> bool:
