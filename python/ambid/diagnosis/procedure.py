@@ -197,13 +197,17 @@ def _chosen(task: Task, field: Field, effects: Sequence[Effect]) -> Iterator[Fie
         If an effect cannot be judged on this model, or makes no stable loop.
     """
     names = field.root
-    for effect in [own for own in effects if own.name not in field.root]:
+    for k, effect in enumerate(effects):
+        if effect.name in field.root:
+            continue
         fit = field.tried[names].fit
         try:
             ranking = rank(fit, [effect], start=nominal_beside(task, fit.model))
             if not ranking.candidates:
-                why = ranking.not_tried.get(effect.name, "it is in the model already")
-                raise ModelError(f"{effect.name} cannot be added to this model ({why})")
+                why, earlier = ranking.not_tried.get(effect.name), ", ".join(own.name for own in effects[:k])
+                remedy = f"; choose it before {earlier}" if why and earlier else ""
+                why = why or "it is in the model already"
+                raise ModelError(f"{effect.name} cannot be added to this model ({why}){remedy}")
             field = refined(task, added(task, field, names, ranking.candidates[0]), names | {effect.name})
             names = names | {effect.name}
             own = field.tried[names]
