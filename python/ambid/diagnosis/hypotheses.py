@@ -137,14 +137,16 @@ class Field:
         """Log evidence of a set beside what its formulas leave, and beside something else.
 
         By what J leaves, or by what the residual shows in the ways of effects: noise alone is as unlikely as either
-        says. A set that leaves what is not clean has not left it by its formulas, nor what is shown beyond what they
+        says. Where J is within chance these alone speak, also against something that they do not show. A set that leaves what is not clean has not left it by its formulas, nor what is shown beyond what they
         may leave. Something that changes during the records shows between the lines, where J does not look: `changing`
         is the log of its odds.
         """
         own, shown = hypothesis.evidence, self.shown_by(hypothesis)
         nearer = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
         alone, left = self.alone(own), self.beside(own, shape, prior=0.0)
-        seen = max(left, alone + self._lowest.against - nearer.against + shown.odds)
+        seen = alone + self._lowest.against - nearer.against + shown.odds
+        if self.left_by(hypothesis) or shape:
+            seen = max(left, seen)
         of_formulas = -np.inf
         if is_clean and self.is_of_formulas(hypothesis):
             is_measured = all(part.noise_is_measured for part in hypothesis.fit.noise.in_time)
