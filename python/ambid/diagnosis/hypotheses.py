@@ -137,9 +137,10 @@ class Field:
         """Log evidence of a set beside what its formulas leave, and beside something else.
 
         By what J leaves, or by what the residual shows in the ways of effects: noise alone is as unlikely as either
-        says. Where J is within chance these alone speak, also against something that they do not show. A set that leaves what is not clean has not left it by its formulas, nor what is shown beyond what they
-        may leave. Something that changes during the records shows between the lines, where J does not look: `changing`
-        is the log of its odds.
+        says. Where J is within chance these alone speak, also against something that they do not show. A set that
+        leaves what is not clean has not left it by its formulas, nor what is shown beyond what they may leave.
+        Something that changes during the records shows between the lines, where J does not look: `changing` is the log
+        of its odds.
         """
         own, shown = hypothesis.evidence, self.shown_by(hypothesis)
         nearer = replace(self._lowest, cost=min(self._lowest.cost, own.cost - shown.explains))
