@@ -134,7 +134,8 @@ class _Begun(NamedTuple):
 
     def moved(self, step: FloatArray) -> _Begun:
         """The same about other parameters."""
-        model = self.model.with_theta(self.model.theta + step)
+        bounds = np.array([(p.lower, p.upper) for p in self.model.parameters]).T
+        model = self.model.with_theta(np.clip(self.model.theta + step, *bounds))
         return self.at(model, self.noise, self.base, self.numbers, is_first=self.is_first)
 
     @classmethod
