@@ -31,7 +31,7 @@ from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.noise.chance import independent_tests, log_chance_bounded
-from ambid.noise.known import known_residual, known_slopes
+from ambid.noise.known import known_residual
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -204,7 +204,11 @@ class Point:
         self.transients = [white.transients for white in own]
         residual = np.concatenate([white.residual for white in own])
         self.known = float(np.sqrt(self.noise.size.variance(float(residual @ residual))))
-        known = np.vstack([*(white.slopes for white in own), self.known * known_slopes(model, every)])
+        # of the settled response, as changes by effects are: of what an error of the rig file does too nothing is left
+        known = self.noise.slopes(model, every) if model.is_linear else self.noise.jacobian(model, every)[1]
+        known[len(residual) :] *= self.known
+        for part, basis in zip(self.noise.by_record(known), self.transients, strict=True):
+            part -= basis @ (basis.T @ part)
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
         residual = np.concatenate([residual, self.known * known_residual(model)])
