@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ambid import diagnose, prbs
+from ambid import diagnose, identify, prbs
+from ambid.diagnosis import rank
 from ambid.effects import find
+from ambid.identification.minimum import refit
 from hidden.families import BENCHES
 from hidden.one_axis import ONE_AXIS
 from hidden.tolerances import machine_off
@@ -59,3 +61,21 @@ def test_of_four_axes(seed, effect):
     assert found.verdict == ("explained" if effect else "adequate"), found
     assert found.effects == ((effect,) if effect else ()), found
     assert (off < 4.0).all()
+
+
+def test_what_a_tolerance_does_too_has_the_score_that_a_refit_finds():
+    """A sensor whose gain is off by ten tolerances: the effect takes what the prior costs, and nothing of the response.
+
+    The record begins at rest: derivatives of J by tolerances hold that of its transient, changes by effects do not.
+    """
+    bench = BENCHES["bench"]
+    off = machine_off(bench.rig, 1)
+    first, *others = off.hidden["sensor_gain_error"]["gain"]
+    i_e = prbs(8, amplitude=bench.amplitude, hold=4, axes=4, periods=4)
+    worse = {"sensor_gain_error": {"gain": [first + 0.1, *others]}}
+    train = off.record(i_e, 1, worse, period=1020, **bench.truth, **bench.noise)
+    fit = identify(off.known, train).comparison
+    candidate = rank(fit, [find("sensor_gain_error")]).candidates[0]
+    end = refit(fit.of(fit.model.add(candidate.effect, candidate.start)))
+    assert fit.cost - end.cost == pytest.approx(candidate.score, rel=0.1)
+    assert candidate.score > 30.0
