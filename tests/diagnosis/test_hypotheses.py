@@ -16,6 +16,7 @@ from ambid.diagnosis.probabilities import probabilities
 from ambid.diagnosis.ranking import rank, silent
 from ambid.diagnosis.task import Task
 from ambid.effects import find
+from ambid.effects.shapes import SHAPES
 from ambid.effects.support import MagneticPull
 from ambid.errors import UnstableLoopError
 from ambid.identification.minimum import refit
@@ -355,3 +356,18 @@ def test_no_loop_that_leaves_all_bounds_made_a_record_that_was_kept_back():
     found = yardstick.evidence(base.of(model), kept_back.of(model), model.effects, 1.0)
     assert found.cost == BOUNDLESS
     assert found.expected > base.dof + 0.9 * kept_back.dof
+
+
+def test_a_shape_without_a_name_that_leaves_much_makes_no_effect_beside_it_sure():
+    """It comes nearer to noise than all sets with names do, and far from it: something else may act as these, too."""
+    fit = compare(Model(ONE_AXIS.rig), record({}, 3))
+    lost = find("excitation_gain_error")
+    sets = {own: (lost,) if own else () for own in (frozenset(), frozenset({lost.name}))}
+    left = dict(zip(sets, (4e4, 2e4), strict=True))
+    tried = {own: Hypothesis(sets[own], fit, None, 1.0, of(left[own])) for own in sets}
+    spring = Hypothesis((lost, *SHAPES), fit, None, 1.0, of(1e4))
+    field = Field(Yardstick(fit, None, {lost.name: 0.01}), tried, nameless={frozenset({lost.name}): spring})
+    ranking = rank(fit, [lost, find("sensor_lag")])
+    found = probabilities(replace(field, whole=ranking))
+    assert found.something_else > 0.999
+    assert found.effects[lost.name] < 0.9

@@ -104,7 +104,8 @@ class Field:
     @cached_property
     def _lowest(self) -> Evidence:
         """Of the set that comes nearest to noise."""
-        return max((h.evidence for h in self.tried.values()), key=lambda own: own.alone)
+        sets = (*self.tried.values(), *self.nameless.values())
+        return max((h.evidence for h in sets), key=lambda own: own.alone)
 
     def alone(self, own: Evidence) -> float:
         """Log evidence of a set where nothing else is missing, up to what all have in common."""
@@ -169,7 +170,8 @@ class Field:
         for rest in self.tried.values():
             if self._waves(hypothesis) <= rest.names < hypothesis.names:
                 near = NEARNESS * float(np.log(least / max(least, self.left_by(rest))))
-                by_prior = sum(float(np.log(len(prior) * prior[name])) for name in hypothesis.names - rest.names)
+                of_others = [prior[name] for name in hypothesis.names - rest.names if name in prior]
+                by_prior = sum(float(np.log(len(prior) * own)) for own in of_others)
                 yield rest, near - by_prior
 
     def felt(self, names: Names, effect: str) -> Field:

@@ -136,7 +136,9 @@ def probabilities(
         weighed += [(something_else + odds, rest.effects, True) for rest, odds in field.stood_in_for(own, shape)]
     for rest, own in field.nameless.items():
         names = tuple(name for name in own.effects if name in rest)
-        weighed.append((field.alone(own.evidence), names, True))
+        _, something_else = field.besides(own, shape, changing, is_clean=False)
+        weighed += [(field.alone(own.evidence) - against, names, True), (something_else, names, True)]
+        weighed += [(something_else + odds, within.effects, True) for within, odds in field.stood_in_for(own, shape)]
     most = max(log for log, _, _ in weighed)
     total = sum(np.exp(log - most) for log, _, _ in weighed)
     found: dict[tuple[str, ...], list[float]] = {}
