@@ -29,6 +29,7 @@ def diagnosed(command, *words):
     return made, json.loads(Path("found.json").read_text())
 
 
+@pytest.mark.slow
 def test_a_mended_record_is_right_and_says_what_was_corrected(here, command):
     made, found = diagnosed(command, "rig.toml", "turned.csv", "--mend", "mended.csv")
     assert (made.code, found["effects"]) == (0, ["channel_sign"])

@@ -19,7 +19,8 @@ def test_what_has_no_name_is_not_lost_in_the_noise_without_periods(seed):
     assert found.verdict == "none_of_the_candidates", found
 
 
-@pytest.mark.parametrize("seed", first_fast(range(2)))
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
 def test_nor_is_friction_which_has_one(seed):
     found = diagnose(RIG, without_periods({"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}, seed))
     assert found.history[0].misfit < 1.1

@@ -47,6 +47,7 @@ def test_a_dead_band_is_given_no_name_and_a_next_step():
     assert own.next_steps[0].code == "next_other_amplitudes"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("effect", "values"), [
     ("cubic_bearing_force", {"coefficient": 2.505e8}),
     ("rotor_contact", {"stiffness": 130.0, "clearance": 1.39e-4}),

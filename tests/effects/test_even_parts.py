@@ -43,6 +43,7 @@ def test_a_reading_that_is_bent_is_the_physics_that_it_says():
     assert np.abs(found.y - truth.y).max() < 1e-6 * np.abs(truth.y).max()
 
 
+@pytest.mark.slow
 def test_a_reading_that_is_bent_is_named():
     hidden = {"sensor_nonlinearity": BENT}
     found = ambid.diagnose(RIG, record(hidden, 1), validate=[record(hidden, 2, share=0.8)])
