@@ -132,7 +132,8 @@ class CoulombFriction(OneProbe, AtPlace):
     source = "Dahl, Aerospace Corporation TOR-158 (1968); Wen, ASCE J. Eng. Mech. 102 (1976) 249"
     everywhere = True
     across_planes = True
-    usual_error, formula_error = 1e-3, 0.03  # of a slider on a spring; of Dahl's law in two planes up to 3 %
+    # of a slider on a spring 0.1 %, of a smooth step over the velocity 0.2 %; of Dahl's law in two planes up to 3 %
+    usual_error, formula_error = 2e-3, 0.03
     size, refitted = "force", (0.01, 1e3)
 
     width: float = 3e-6
