@@ -11,7 +11,7 @@ machine. Calibrated is what isotonic regression of the truth on the probability 
 Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
 `made/calibration.jsonl` has machines 8020 to 8088 and 8100 to 8122, from which `diagnosis.hypotheses.NEARNESS` and
 `diagnosis.probabilities.IN_PLACE` were taken; that says nothing of what they are good for, so that
-`made/probabilities.jsonl` begins at machine 8130.
+`made/probabilities.jsonl` begins at machine 8176.
 """
 
 import sys
