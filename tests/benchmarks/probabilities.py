@@ -9,9 +9,9 @@ files off by ordinary tolerances. That an effect of the catalogue, nothing or so
 with a probability; listed are those of 1 % and more, and what is true. The log score is of all that is stated of a
 machine. Calibrated is what isotonic regression of the truth on the probability leaves as it is (CORP: Dimitriadis,
 Gneiting, Jordan, PNAS 118 (2021) e2016191118). It goes on where it stopped; no part of the tests.
-`made/calibration.jsonl` has machines 8020 to 8088 and 8100 to 8122, from which `diagnosis.hypotheses.NEARNESS` and
-`diagnosis.probabilities.IN_PLACE` were taken; that says nothing of what they are good for, so that
-`made/probabilities.jsonl` begins at machine 8176.
+`made/calibration.jsonl` has the machines that numbers were taken from: 8020 to 8122 by versions before, whence
+`diagnosis.hypotheses.NEARNESS`, and 8176 to 8224, whence `diagnosis.probabilities.IN_PLACE` and the error of friction's
+formula. That says nothing of what they are good for: `made/probabilities.jsonl` begins at machine 8225.
 """
 
 import sys

@@ -50,7 +50,7 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
     """
     before = field_.tried[names]
     further = field_
-    for end in _refitted(task, before, candidate):
+    for end in _refitted(task, before, candidate, is_explained=field_.is_explained):
         fit = _at_their_places(task, end)
         explains, leaves = before.fit.cost - fit.cost, fit.cost - fit.dof
         if explains > leaves > (fit.by_chance - 1.0) * fit.dof and candidate.effect not in task.as_given:
@@ -63,22 +63,22 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
 
 
-def _refitted(task: Task, before: Hypothesis, candidate: Candidate) -> list[Comparison]:
+def _refitted(task: Task, before: Hypothesis, candidate: Candidate, *, is_explained: bool) -> list[Comparison]:
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
-    Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is. What
+    Where another set explains already, none is so far off that its competitors are not found from where it is. Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is. What
     one start of a variant explains within chance, or what formulas leave, needs no other start, but one far off where
     it explains nothing, and other variants that a score does not tell from it: a few in J decide between sets.
     """
     fit = before.fit
-    is_far_off = fit.cost > FAR_OFF * fit.dof
+    is_far_off = fit.cost > FAR_OFF * fit.dof and not is_explained
     starts: list[Start] = [(fit.model, candidate.effect, candidate.start)]
     starts += [
         (fit.model, effect, values)
         for effect, values, share in candidate.near
         if is_far_off or share > LIKE or _numbers(fit, effect) < _numbers(fit, candidate.effect)
     ]
-    if candidate.from_start or is_far_off or _is_driven_off(task, fit.model):
+    if candidate.from_start or is_far_off or (_is_driven_off(task, fit.model) and not is_explained):
         starts.append((nominal_beside(task, fit.model), candidate.effect, candidate.start))
     far = _nearest(task, fit, [candidate.effect, *(effect for effect, _, _ in candidate.near)])
     starts += [*far, (fit.model, candidate.effect, {})]

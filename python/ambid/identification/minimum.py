@@ -53,6 +53,15 @@ class WhitenedProblem(LeastSquares):
         self._before = (theta, found)
         return found.hessian, found.gradient, found.cost
 
+    @property
+    def is_approximate(self) -> bool:
+        """See `LeastSquares.is_approximate`; of a nonlinear model those by errors of the rig file are, see `Noise`."""
+        return not self.model.is_linear and bool(self.prior.any())
+
+    def _cost_alone(self, theta: FloatArray) -> float | None:
+        here = self.model.with_theta(theta)
+        return None if here.is_linear else self.noise.quadratic(here, [], shortly=self.roughly).cost
+
     def promises(self, other: FloatArray, theta: FloatArray) -> bool:
         """Whether J may be lower about another place than at one, by the parabola there."""
         short, _ = self._short(other[self.free] / self.scale)

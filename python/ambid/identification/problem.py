@@ -14,7 +14,7 @@ from ambid.arrays import FloatArray
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.model import Model
 from ambid.noise import noise_ceiling
-from ambid.noise.known import Size, tempered
+from ambid.noise.known import Size, tempered, tempered_cost
 from ambid.record import Record
 
 EXACTLY = 1e-8
@@ -84,6 +84,15 @@ class LeastSquares(ABC):
         """J'J and J'r by the free parameters, and r'r, r being simulated minus measured."""
 
     @property
+    def is_approximate(self) -> bool:
+        """Whether derivatives are near enough to lead downhill, but not to end where J is least to the last digit."""
+        return False
+
+    def _cost_alone(self, theta: FloatArray) -> float | None:
+        """r'r, where that is had for much less than with its derivatives; else None."""
+        return None
+
+    @property
     def prior(self) -> FloatArray:
         """One over the variance to which each free parameter is known beforehand, shape (free,); 0 of none."""
         return np.zeros(len(self.free))
@@ -150,7 +159,8 @@ class LeastSquares(ABC):
         it promises to stay above a bound, it need not be followed.
         """
         self._best, self._gain, self._bound = (np.inf, x), step**1.5, bound
-        self._least, self._most_uphill, self._uphill = (NEAR, UPHILL, 0) if among_others else (self.enough, np.inf, 0)
+        self._least, self._uphill = NEAR if among_others else self.enough, 0
+        self._most_uphill = UPHILL if among_others or self.is_approximate else np.inf
         tiny = 1e-9  # bounds of zero are open: a gain or time constant of zero is no model
         bounds = (np.where(limits[0] == 0.0, tiny, limits[0]), limits[1])
         margin = 1e-12 * np.maximum(1.0, np.abs(x))
@@ -171,9 +181,17 @@ class LeastSquares(ABC):
         return End(self.theta(result.x), cost, "at_bound" if at_bound.any() else status)
 
     def _residual(self, x: FloatArray) -> FloatArray:
-        """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable."""
+        """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable.
+
+        After a step that led uphill the next one may too: it is asked first, without derivatives, where these cost more.
+        """
         try:
-            short, _ = self._short(x)
+            alone = self._cost_alone(self.theta(x)) if self._uphill else None
+            if alone is not None and alone > self._best[0]:
+                self._uphill += 1
+                short = np.append(np.zeros(len(x)), np.sqrt(self._tempered(alone, x)[1]))
+            else:
+                short, _ = self._short(x)
         except (UnstableLoopError, ModelError):
             return np.full(len(x) + 1, np.inf)
         if self._uphill > self._most_uphill:
@@ -184,9 +202,14 @@ class LeastSquares(ABC):
     def _jacobian(self, x: FloatArray) -> FloatArray:
         short, jacobian = self._short(x)
         gain, cost = float(short[:-1] @ short[:-1]), float(short @ short)  # what a step would gain, bounds or not
-        if gain < max(self._gain * cost, self._least) or cost - UNDERSTATED * gain > self._bound:
-            raise _Arrived(End(self.theta(x), self.normal_equations(x)[2], "converged"))
+        measured = self.normal_equations(x)[2]
+        left, _ = self._tempered(measured, x)
+        if gain < max(self._gain * cost, self._least) or measured - UNDERSTATED * gain * left > self._bound:
+            raise _Arrived(End(self.theta(x), measured, "converged"))
         return jacobian
+
+    def _tempered(self, cost: float, x: FloatArray) -> tuple[float, float]:
+        return tempered_cost(cost, self.prior * self.scale**2, x, self.size)
 
     def _short(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         weights = self.prior * self.scale**2

@@ -53,14 +53,17 @@ class Size(NamedTuple):
         return 1.0 + excess / self.witnesses if excess > 0.0 and self.witnesses > 0.0 else 1.0
 
 
+def tempered_cost(cost: float, weights: FloatArray, theta: FloatArray, size: Size) -> tuple[float, float]:
+    """V of what is left, and r'r with it, in which each of the parameters `theta` is known with a weight."""
+    known = float(weights @ theta**2)
+    left = size.variance(cost - known)
+    return left, cost if left == 1.0 else size.numbers + size.witnesses * float(np.log(left)) + known
+
+
 def tempered(
     hessian: FloatArray, gradient: FloatArray, cost: float, weights: FloatArray, theta: FloatArray, size: Size
 ) -> tuple[FloatArray, FloatArray, float]:
     """J'J, J'r and r'r, in which each of the parameters `theta` is known with a weight, with V of what is left."""
-    known = float(weights @ theta**2)
-    left = size.variance(cost - known)
-    if left == 1.0:
-        return hessian, gradient, cost
+    left, cost = tempered_cost(cost, weights, theta, size)
     rest = (1.0 - 1.0 / left) * weights
-    cost = size.numbers + size.witnesses * float(np.log(left)) + known
     return hessian / left + np.diag(rest), gradient / left + rest * theta, cost
