@@ -41,7 +41,7 @@ from ambid.diagnosis.nameless import BEYOND, DECADES, of_any_power
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Parameter
+from ambid.model import Model, Parameter
 from ambid.noise import Comparison, Quadratic
 from ambid.noise.chance import log_odds_against
 from ambid.noise.known import known_residual, known_slopes
@@ -60,6 +60,8 @@ SURE = 0.9
 """Probability from which on effects are named, and a set is called the explanation."""
 LARGEST_SCORE = 1e4
 """Beyond all that is needed."""
+PART = 0.01
+"""Of its size by which a parameter of a nonlinear effect is changed to see what it changes."""
 DISTINCT = float((1.645 + np.sqrt(1.645**2 + 2.0 * np.log(SURE / (1.0 - SURE)))) ** 2)
 """Mean difference lambda of J by which two sets of as many parameters are distinguished in 95 % of records, where
 one is to be `SURE`: J1 - J2 has the mean lambda and the standard deviation 2 sqrt(lambda)."""
@@ -294,9 +296,23 @@ def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
 
 def _about(fit: Comparison) -> Quadratic:
     """J about a model, by all its parameters; see `RecordLines.white` for derivatives of a nonlinear one."""
-    model = fit.model
-    roughly = not model.is_linear and model.without_nonlinear().is_stable
-    return fit.noise.quadratic(model, range(len(model.names)), roughly=roughly)
+    return fit.noise.quadratic(fit.model, range(len(fit.model.names)), roughly=_is_rough(fit.model))
+
+
+def _is_rough(model: Model) -> bool:
+    """Whether derivatives of a nonlinear model may be those of its linear part, see `RecordLines.white`."""
+    return not model.is_linear and model.without_nonlinear().is_stable
+
+
+def _change(fit: Comparison, residual: FloatArray, k: int, size: float) -> FloatArray:
+    """What a parameter takes off the residual, were it changed by its size, by a small part of that.
+
+    The derivatives of a stiff law, such as dry friction, may grow from step to step where its value does not.
+    """
+    theta = fit.model.theta
+    part = PART if theta[k] + PART * size <= fit.model.parameters[k].upper else -PART
+    theta[k] += part * size
+    return (residual - fit.noise.residual(fit.model.with_theta(theta))) / part
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:
@@ -317,8 +333,15 @@ def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
     size = np.array([p.scale for p in parameters])
     for kind in kinds:
         size[kind] = np.linalg.norm(fit.model.theta[kind])
-    hessian = _about(fit).hessian * np.outer(size, size)
     others = [k for k in range(len(size)) if k not in own]
+    if fit.model.is_linear:
+        hessian = _about(fit).hessian * np.outer(size, size)
+    else:
+        residual, slopes = fit.noise.jacobian(fit.model, others, roughly=_is_rough(fit.model))
+        rows = np.empty((len(residual), len(size)))
+        rows[:, others] = slopes * size[others]
+        rows[:, own] = np.transpose([_change(fit, residual, k, size[k]) for k in own])
+        hessian = rows.T @ rows
     cross = hessian[np.ix_(own, others)]
     among = hessian[np.ix_(others, others)]
     return np.asarray(hessian[np.ix_(own, own)] - cross @ np.linalg.pinv(among, hermitian=True) @ cross.T)

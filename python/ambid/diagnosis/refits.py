@@ -50,7 +50,8 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
     """
     before = field_.tried[names]
     further = field_
-    for end in _refitted(task, before, candidate, is_explained=field_.is_explained):
+    is_explained = field_.is_explained and field_.left_by(before) > 0.0  # what this set leaves, by another
+    for end in _refitted(task, before, candidate, is_explained=is_explained):
         fit = _at_their_places(task, end)
         explains, leaves = before.fit.cost - fit.cost, fit.cost - fit.dof
         if explains > leaves > (fit.by_chance - 1.0) * fit.dof and candidate.effect not in task.as_given:
@@ -66,9 +67,11 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
 def _refitted(task: Task, before: Hypothesis, candidate: Candidate, *, is_explained: bool) -> list[Comparison]:
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
-    Where another set explains already, none is so far off that its competitors are not found from where it is. Of variants with as many parameters each the best, those with fewer too: by J alone, that with most always is. What
-    one start of a variant explains within chance, or what formulas leave, needs no other start, but one far off where
-    it explains nothing, and other variants that a score does not tell from it: a few in J decide between sets.
+    Where another set explains what this one leaves, what competes with it is found from where this set is, far off as
+    that may be. Of variants with as many parameters each the best, those with fewer too: by J alone, that with most
+    always is. What one start of a variant explains within chance, or what formulas leave, needs no other start, but one
+    far off where it explains nothing, and other variants that a score does not tell from it: a few in J decide between
+    sets.
     """
     fit = before.fit
     is_far_off = fit.cost > FAR_OFF * fit.dof and not is_explained

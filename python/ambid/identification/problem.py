@@ -183,7 +183,7 @@ class LeastSquares(ABC):
     def _residual(self, x: FloatArray) -> FloatArray:
         """The short residual; infinite, which SciPy rejects as a step, where the loop is unstable.
 
-        After a step that led uphill the next one may too: it is asked first, without derivatives, where these cost more.
+        After a step that led uphill the next one may too: it is tried without derivatives, where these cost more.
         """
         try:
             alone = self._cost_alone(self.theta(x)) if self._uphill else None

@@ -196,13 +196,13 @@ class Noise:
         """Of each record an orthonormal basis of what a transient can look like, whitened."""
         return [part.transients(part.at(model)) for part in self.parts]
 
-    def white(self, model: Model, free: Sequence[int]) -> list[White]:
-        """Every record against a model, with the derivatives by the parameters in `free`."""
-        return [part.white(part.at(model), free) for part in self.parts]
+    def white(self, model: Model, free: Sequence[int], *, roughly: bool = False) -> list[White]:
+        """Every record against a model, with the derivatives by the parameters in `free`, see `RecordLines.white`."""
+        return [part.white(part.at(model), free, roughly=roughly) for part in self.parts]
 
-    def jacobian(self, model: Model, free: Sequence[int]) -> tuple[FloatArray, FloatArray]:
+    def jacobian(self, model: Model, free: Sequence[int], *, roughly: bool = False) -> tuple[FloatArray, FloatArray]:
         """Whitened residual, and whitened derivative of the response by the parameters in `free`."""
-        found = self.white(model, free)
+        found = self.white(model, free, roughly=roughly)
         residual = np.concatenate([*(own.residual for own in found), known_residual(model)])
         return residual, np.vstack([*(own.slopes for own in found), known_slopes(model, free)])
 
