@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from ambid import Model, compare, diagnose, identify, prbs
 from ambid.diagnosis import refits, search
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.evidence import BOUNDLESS, Evidence, Kind, Yardstick
+from ambid.diagnosis.evidence import BOUNDLESS, Evidence, Kind, Yardstick, information_on
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
@@ -264,6 +264,23 @@ class WaysThatShow(Ways):
 
     def shown(self, residual, known):
         return Shown(odds=290.0, explains=640.0, beyond=600.0) if "loop_delay" in known else Shown()
+
+
+def test_the_information_on_a_stiff_law_is_of_what_it_changes():
+    """Near where its steps are too long the derivatives of dry friction grow by themselves, and its value does not."""
+    rig, values = ONE_AXIS.rig, {"force": 2.9, "inverse_width": 3.152e6, "inverse_exponent": 0.1354}
+    i_e = np.repeat(ONE_AXIS.amplitude * np.random.default_rng(3).choice([-1.0, 1.0], (1000, 1)), 4, axis=0)
+    run = measured(rig, i_e, {"coulomb_friction": {"force": 3.0, "z": ONE_AXIS.middle}}, seed=0, **ONE_AXIS.truth)
+    fit = compare(Model(rig), run)
+    model = Model(rig).add(find("coulomb_friction"), values)
+    kinds = [[model.names.index(f"coulomb_friction.{name}")] for name in values]
+    fine, coarse = (information_on(fit.of(model.with_substeps(steps)), kinds) for steps in (128, 32))
+    assert np.diag(fine).min() > 0.0
+    np.testing.assert_allclose(np.log1p(np.diag(coarse)), np.log1p(np.diag(fine)), atol=0.5)
+    own, every = [k for (k,) in kinds], list(range(len(model.names)))
+    exact = fit.noise.quadratic(model.with_substeps(128), every).hessian * np.outer(*2 * [model.theta])
+    freed = np.linalg.inv(np.linalg.inv(exact)[np.ix_(own, own)])  # from what all others absorb
+    np.testing.assert_allclose(np.log1p(np.diag(fine)), np.log1p(np.diag(freed)), atol=0.1)
 
 
 def test_what_something_else_takes_up_counts_once():

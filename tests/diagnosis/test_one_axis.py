@@ -4,8 +4,9 @@ import json
 
 import pytest
 
-from ambid.diagnosis import diagnose
+from ambid.diagnosis import diagnose, ranking
 from ambid.effects import CATALOGUE, channels, find, slips
+from ambid.errors import ModelError, UnstableLoopError
 from ambid.excitation import prbs
 from ambid.noise.chance import ADEQUATE
 from hidden.bench import measured
@@ -87,6 +88,22 @@ def test_a_person_may_choose():
     )
     assert "loop_delay" in found.effects
     assert found.history[-1].misfit == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_choice_that_makes_no_stable_loop_beside_an_earlier_one_is_told_what_to_choose_first(monkeypatch):
+    alone = ranking.Point.responses
+
+    def responses(point, effect):
+        if effect.name == "loop_delay" and "sensor_lag" in [own.name for own in point.exact.effects]:
+            raise UnstableLoopError("the closed loop is unstable")
+        return alone(point, effect)
+
+    monkeypatch.setattr(ranking.Point, "responses", responses)
+    few = [find("sensor_lag"), find("loop_delay")]
+    with pytest.raises(ModelError, match=r"loop_delay cannot be added.* is unstable\); choose it before sensor_lag"):
+        diagnose(
+            RIG, record({"loop_delay": NAMED["loop_delay"]}, 4), effects=["sensor_lag", "loop_delay"], catalogue=few
+        )
 
 
 def test_json_is_as_the_contract_says():

@@ -16,7 +16,8 @@ from ambid.model import Model
 from ambid.noise import compare
 from ambid.record import Record
 from ambid.rig import Actuator
-from hidden.one_axis import ONE_AXIS
+from hidden.one_axis import NAMED, ONE_AXIS
+from hidden.one_axis import record as hidden_record
 from validated import relative
 from virtual import AXES, NAMES, VirtualBench
 
@@ -59,6 +60,17 @@ def test_a_descent_that_promises_to_end_above_what_was_reached_is_left(estimate)
     assert beside.cost > 1.01 * fit.cost
     assert refit(beside, bound=0.5 * fit.cost).cost == pytest.approx(beside.cost)
     assert refit(beside, bound=fit.cost).cost == pytest.approx(fit.cost)
+
+
+def test_nor_is_one_followed_that_starts_where_physics_is_missing():
+    """What is left is far above noise, of which values that are known to a tolerance take their part of J."""
+    record = hidden_record({"loop_delay": NAMED["loop_delay"]}, 0)
+    fit = identify(ONE_AXIS.rig.replace(tolerance={}), record).comparison
+    beside = fit.of(fit.model.with_values({"tau_e": 1.01 * fit.model["tau_e"].value}))
+    assert beside.cost > fit.cost > 100.0 * fit.dof
+    lowest = refit(beside, bound=fit.cost).cost
+    assert lowest <= fit.cost * (1.0 + 1e-5)
+    assert refit(beside, bound=0.1 * fit.cost).cost > lowest + 100.0
 
 
 def test_noise_free_data_give_the_truth(bench, start, i_e, validated):

@@ -263,7 +263,7 @@ class Yardstick:
                 rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
             },
             beginnings=beginnings(fits),
-            information=_information(fit, kinds),
+            information=information_on(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
             prior=float(np.log(variants)) - sum(self._usual(effect) for effect in added),
             on_tones=on_tones,
@@ -324,7 +324,7 @@ def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int
     return list(kinds.values())
 
 
-def _information(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
+def information_on(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
     """Of parameters of some kinds, in units of the size of each, freed from what all others absorb, shape (q, q)."""
     own = [k for kind in kinds for k in kind]
     if not own:

@@ -147,7 +147,7 @@ def _from(comparison: Comparison, model: Model, most: int, step: float, bound: f
     if not _is_near(model) and (exact := held.without_errors()).may_stand:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
-        held = held.with_theta(_gone(begun, most, near, bound))
+        held = held.with_theta(_gone(begun, most, near))
     problem = WhitenedProblem(held, comparison.noise, roughly=roughly)
     end = _gone(problem, most, step, bound)
     fit = comparison.of(model.with_theta(end))
