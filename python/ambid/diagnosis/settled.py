@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from ambid.diagnosis.candidates import ALPHA
-from ambid.diagnosis.ranking import ROUNDING, Point
+from ambid.diagnosis.ranking import Point
 from ambid.effects import Effect
 from ambid.effects.places import AtPlace
 from ambid.errors import ModelError, UnstableLoopError
@@ -21,6 +21,7 @@ from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.noise import Comparison
+from ambid.noise.transients import orthonormal
 
 OF_THE_SPAN = 0.3
 """So far may a place go at a time, as a part of the distance of the outermost bearings."""
@@ -52,7 +53,7 @@ def placed(fit: Comparison, effect: AtPlace, places: Iterable[float | None]) -> 
     """The fit with an effect of its model at that of some places where it explains most; as it is where that is here.
 
     A score by a small probe errs where an effect is large, or something else is missing: this one is by its change of
-    the response at its values, beside the others at theirs.
+    the response at its values, beside the others at theirs, and by what a linear one can do about these.
     """
     found: dict[float | None, float] = {}
     try:
@@ -63,8 +64,12 @@ def placed(fit: Comparison, effect: AtPlace, places: Iterable[float | None]) -> 
     for z in (effect.z, *places):
         with suppress(UnstableLoopError, ModelError, ValueError):
             there = fit.model if z == effect.z else _with(fit.model, effect, {"z": z})
-            (change,) = point.freed((fit.noise.departure(there) - before)[None])
-            found[z] = float(change @ point.residual) / max(float(np.linalg.norm(change)), ROUNDING)
+            changes = (fit.noise.departure(there) - before)[:, None]
+            if there.is_linear:
+                own = [k for k, name in enumerate(there.names) if name.startswith(f"{effect.name}.")]
+                changes = np.hstack([changes, fit.noise.slopes(there, own) * there.theta[own]])
+            explains = orthonormal(point.freed(changes.T).T).T @ point.residual
+            found[z] = float(np.linalg.norm(explains) if there.is_linear else explains.sum())  # one way, and its sign
     best = max(found, key=lambda z: found[z], default=effect.z)
     if best == effect.z:
         return fit
