@@ -39,6 +39,21 @@ def test_a_seal_is_found_where_it_is():
     assert any("seal_forces.z" in line and f"{seal.z:.6g} m" in line for line in repr(found).splitlines())
 
 
+@pytest.mark.parametrize("direct", [4e4, 4e5])
+def test_a_seal_that_was_fitted_elsewhere_is_asked_by_all_its_numbers(direct):
+    """What it took there, of another sign or in other parts, would explain nothing where it is."""
+    values = {"direct": direct, "cross": 0.5 * direct, "damping": 5e-4 * direct}
+    fit = identify(BENCH.rig, record(BENCH.rig, {"seal_forces": {"z": BENCH.middle, **values}}, 3)).comparison
+    places = [*BENCH.rig.rotor.span, BENCH.middle, *(bearing.position for bearing in BENCH.rig.bearings)]
+    for wrong in BENCH.rig.rotor.span:
+        begun = {"direct_stiffness": 1e3, "cross_stiffness": 1e3, "damping": 1.0}
+        elsewhere = refit(fit.of(fit.model.add(SealForces(wrong), begun)), step=ROUGHLY)
+        assert elsewhere.misfit > 10.0
+        there = placed(elsewhere, elsewhere.model.effects[0], places)
+        assert there.model.effects[0].z == BENCH.middle
+        assert there.misfit < 1.1
+
+
 def test_friction_that_was_taken_for_that_at_the_magnets_is_asked_where_it_explains_more():
     """As it is fitted there; it leaves no more than noise where it rubs, and is not moved from there."""
     hidden = {"coulomb_friction": {"force": 2.0, "z": BENCH.middle}}
