@@ -10,7 +10,6 @@ import numpy as np
 import typer
 
 import ambid
-from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable
 from ambid.cli.options import (
@@ -29,6 +28,7 @@ from ambid.cli.options import (
     names,
     noise_of,
     span,
+    with_effects,
 )
 from ambid.cli.outputs import Files, conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
