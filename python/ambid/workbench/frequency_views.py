@@ -13,7 +13,7 @@ from ambid.errors import InputError, ModelError, RecordError
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.responses import Responses, frequency_responses
-from ambid.plot.matrix import SIGNS
+from ambid.plot.misfit import SIGNS
 from ambid.plot.responses import HIDDEN, SIGMAS, unbroken, unit_of
 from ambid.plot.style import short_number, shown_in
 from ambid.results import plain
