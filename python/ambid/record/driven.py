@@ -11,7 +11,7 @@ from ambid.findings import Finding, Kind, Where
 from ambid.record import checks
 from ambid.record.free_modes import REBUILT_TOLERANCE, is_held
 from ambid.record.mending import FEWEST, mended_excitation, mended_outputs
-from ambid.record.raw import OF_LOOP
+from ambid.record.raw import OF_LOOP, Signals
 from ambid.record.rebuild import ExcitationSource, rebuild_excitation, rounding_of, steps_of, unexplained
 from ambid.record.repeats import find_period, mismatches
 from ambid.rig import Rig
@@ -74,9 +74,6 @@ LAGS, BY_FAR = 24, 4.0
 """Samples of i_e that y may follow from, and how many times what chance explains it must then."""
 UNLIKE = 1.0
 """Mismatch of one period with the next, relative to the rms, of a signal with as much noise; by chance it is 1.41."""
-
-Signals = dict[str, NDArray[np.float64]]
-"""What was recorded, by name."""
 
 
 class Driven(NamedTuple):

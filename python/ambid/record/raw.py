@@ -36,6 +36,10 @@ NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, .
 """What to do about a file with names of its own."""
 
 
+Signals = dict[str, NDArray[np.float64]]
+"""What was recorded, by name: signals of shape (N, n), and further channels of shape (N, 1)."""
+
+
 @dataclass
 class RawRecord:
     """What a file holds, before any check of its values.

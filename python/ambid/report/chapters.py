@@ -17,8 +17,6 @@ from ambid.identification.tolerances import NOISE, percent, shares
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
-from ambid.report.before_after import DRAWN, before_and_after
-from ambid.report.numbers import files_of
 from ambid.rig import Rig
 from ambid.robustness import Margin, Margins, margins, pole_map
 from ambid.robustness.result import tolerated
@@ -54,13 +52,13 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
             for record in (*diagnosis.records, *diagnosis.validation)
             for finding in record.findings
         ],
-        "files": files_of(diagnosis),
+        "files": numbers.files_of(diagnosis),
         "is_moved": False,
         "fits": [],
         "choices": [],
         "invisible": [],
         "shown": [],
-        "drawn": DRAWN,
+        "drawn": pictures.DRAWN,
         "where": None,
         "rankings": [],
         "ledger": None,
@@ -91,7 +89,7 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "fits": _fits(diagnosis, first, last),
         "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
-        "shown": before_and_after(diagnosis, before, is_moved),
+        "shown": pictures.before_and_after(diagnosis, before, is_moved),
         "where": None if where is None else _where(diagnosis, where, before, missing),
         "rankings": _rankings(diagnosis, last, base.rig),
         "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
