@@ -33,14 +33,12 @@ from ambid.cli.options import (
 from ambid.cli.outputs import Files, conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
-from ambid.excitation import MOST_ORDER
+from ambid.excitation import MOST_ORDER, MULTISINE, PRBS
 from ambid.writing import is_device
 
 if TYPE_CHECKING:
     from ambid.designs import Design, Instruments, Limits, Proposals
     from ambid.record import Measurement
-
-PRBS, MULTISINE = "prbs", "multisine"
 
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")

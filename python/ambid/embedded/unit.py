@@ -24,7 +24,6 @@ FOLDERS = {
     ("win32", "AMD64"): {2: "win64", 3: "x86_64-windows"},
 }
 """Names of platforms in a unit, by version of the standard."""
-RESOURCE = "resources/model.stepper"
 
 
 def to_stepper(model: Model, path: str | Path) -> None:
@@ -81,7 +80,7 @@ def to_fmu(model: Model, path: str | Path, *, fmi: int = 2) -> None:
     folder = FOLDERS[sys.platform, platform.machine()][fmi]
     parts = {
         "modelDescription.xml": description(model, token, fmi),
-        RESOURCE: content,
+        "resources/model.stepper": content,
         f"binaries/{folder}/{name}{library.suffix}": library.read_bytes(),
     }
     with whole_file(path) as stream, zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:

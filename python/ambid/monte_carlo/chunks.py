@@ -14,7 +14,6 @@ from ambid.writing import make_folder, whole_file
 PLAN = "_plan.json"
 """What the rows belong to; readers of Parquet folders pass over names that begin so."""
 PART = "part-{:06d}.parquet"
-SUFFIX = ".parquet"
 
 
 class Chunks:
@@ -90,8 +89,8 @@ def require_folder(folder: Path) -> None:
     """
     if find_spec("pyarrow") is None:
         raise InputError(f"{folder}: Parquet needs the package pyarrow: pip install 'ambid[io]'")
-    if folder.suffix.lower() != SUFFIX:
-        raise InputError(f"{folder}: the suffix is {folder.suffix or 'missing'}; expected {SUFFIX}")
+    if folder.suffix.lower() != ".parquet":
+        raise InputError(f"{folder}: the suffix is {folder.suffix or 'missing'}; expected .parquet")
     if folder.exists() and not folder.is_dir():
         raise InputError(f"{folder}: a file is there; the runs go into a folder of this name, give another one")
     if folder.is_dir() and not (folder / PLAN).exists() and any(not p.name.startswith(".") for p in folder.iterdir()):

@@ -18,7 +18,6 @@ from ambid.record.universal import UNIVERSAL, read_universal
 from ambid.rig import Rig
 
 FREQUENCIES = ("frequency_hz", "frequency_rad_s", "frequency_rpm")
-MAGNITUDES, PHASES = ("magnitude", "magnitude_db"), ("phase_deg", "phase_rad")
 
 
 def holds_response(path: Path, mapping: ChannelMap | None = None) -> bool:
@@ -74,7 +73,8 @@ def _from_mat(path: Path) -> RawResponse:
     with opened(path) as content:
         held = content.arrays
         frequency = next((name for name in FREQUENCIES if name in held), FREQUENCIES[0])
-        size, angle = (next((name for name in own if name in held), "") for own in (MAGNITUDES, PHASES))
+        forms = (("magnitude", "magnitude_db"), ("phase_deg", "phase_rad"))
+        size, angle = (next((name for name in own if name in held), "") for own in forms)
         given = ("response",) if "response" in held or not (size and angle) else (size, angle)
         missing = [name for name in (frequency, *given, "outputs", "inputs") if name not in held]
         if missing:

@@ -42,8 +42,6 @@ PLAIN = ("abs", "lin", "linear", "1", "-", "ratio")
 SIGNALS = ("y", "i_c", "i_e", "r")
 VALUES = ("magnitude", "phase", "re", "im")
 """Quantities that a label may stand beside."""
-SURELY_DEGREES = 45.0
-"""A phase beyond it is in degrees: in radians it would be seven turns."""
 
 
 @dataclass(frozen=True)
@@ -220,7 +218,7 @@ def _unit_of_gain(path: Path, column: str, values: FloatArray) -> str:
 
 def _unit_of_phase(path: Path, column: str, values: FloatArray) -> str:
     most = np.abs(values[np.isfinite(values)]).max(initial=0.0)
-    if most > SURELY_DEGREES:
+    if most > 45.0:  # in radians it would be seven turns
         return "deg"
     if most <= 1.001 * np.pi:
         return "rad"

@@ -32,8 +32,6 @@ DEEPEST = 32
 """Groups within each other; files of loggers have three."""
 MOST_AXES = 64
 """Names in ``axes``; a machine has some ten, and each is looked up by itself."""
-_MATLAB_OWN = ("#refs#", "#subsystem#")
-_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 @contextmanager
@@ -118,7 +116,7 @@ def _read_mat(path: Path) -> Iterator[Content]:
     with path.open("rb") as file:
         head = file.read(520)
     # MATLAB puts a block of 512 bytes before the HDF5 signature of a v7.3 file.
-    if _HDF5_SIGNATURE in (head[:8], head[512:]):
+    if b"\x89HDF\r\n\x1a\n" in (head[:8], head[512:]):
         with _read_hdf5(path) as content:
             yield content
         return
@@ -183,7 +181,7 @@ def _datasets(path: Path, h5py: Any, file: Any, joint: str, findings: list[Findi
             item = group.get(name)
             if isinstance(item, h5py.Dataset):
                 yield f"{prefix}{name}", item
-            elif isinstance(item, h5py.Group) and name not in _MATLAB_OWN and item not in seen:
+            elif isinstance(item, h5py.Group) and name not in ("#refs#", "#subsystem#") and item not in seen:
                 if depth == DEEPEST:
                     raise RecordError(f"{path}: groups nested deeper than {DEEPEST}; save the record flat")
                 seen.add(item)

@@ -21,8 +21,6 @@ from ambid.rig import Rig
 from ambid.robustness import Margin, Margins, margins, pole_map
 from ambid.robustness.result import tolerated
 
-LISTED_SHARE = 0.02
-"""Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
 DRAWS = 200
 """Of the parameters: they give a probability to 4 % (one standard error), in less time than a diagnosis takes."""
 
@@ -208,7 +206,7 @@ def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> 
 def _budget(diagnosis: Diagnosis) -> dict[str, Any]:
     """What makes the variance of each parameter [%]: noise, and every tolerance that makes much of one of them."""
     parts = {name: dict(shares(own)) for name, own in diagnosis.budget().items()}
-    much = [name for name in diagnosis.tolerances if any(own[name] >= LISTED_SHARE for own in parts.values())]
+    much = [name for name in diagnosis.tolerances if any(own[name] >= 0.02 for own in parts.values())]
     rows = {source: [own[source] for own in parts.values()] for source in (NOISE, *much)}
     rest = [max(0.0, 1.0 - sum(own)) for own in zip(*rows.values(), strict=True)]
     shown = rows | {"all others": rest}

@@ -15,8 +15,6 @@ from ambid.identification import ParameterEstimate
 from ambid.noise.chance import ADEQUATE
 from ambid.plot.style import misfit_text
 
-PREFIXED = re.compile(r"(s|m|N|A|Hz|rad)(?=$|[ /])")
-"""A unit that may carry a prefix: its first symbol to the power of one."""
 OWN_UNITS = {"kg m": (-6, "g mm")}
 """Units that balancing machines and their standards use, and their powers of ten."""
 SMALL = 1e-3
@@ -78,7 +76,8 @@ def prefixed(value: float, unit: str) -> tuple[int, str]:
     if unit in OWN_UNITS:
         return OWN_UNITS[unit]
     power = 0
-    if PREFIXED.match(unit) and value != 0.0 and np.isfinite(value):
+    # the first symbol of a unit may carry a prefix, to the power of one
+    if re.match(r"(s|m|N|A|Hz|rad)(?=$|[ /])", unit) and value != 0.0 and np.isfinite(value):
         power = int(np.clip(3 * np.floor(np.log10(abs(value)) / 3.0), -9, 9))
     return power, "" if unit == "1" else f"{PREFIXES[power]}{unit}"
 
