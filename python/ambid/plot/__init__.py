@@ -5,10 +5,9 @@ global state is touched. All are legible in black and white.
 """
 
 from ambid.plot.campaign import campaign_files, plot_campaign, save_campaign
+from ambid.plot.diagnosis import plot_prediction, plot_ranking, plot_staircase, save_prediction, save_ranking
 from ambid.plot.misfit import plot_growth, plot_misfit_map, plot_misfit_matrix
 from ambid.plot.needed import plot_needed
-from ambid.plot.ranking import plot_prediction, plot_ranking, save_prediction, save_ranking
-from ambid.plot.record import plot_record
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
 from ambid.plot.robustness import (
     plot_campbell,
@@ -18,8 +17,7 @@ from ambid.plot.robustness import (
     save_poles,
     save_sensitivity,
 )
-from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
-from ambid.plot.staircase import plot_staircase
+from ambid.plot.signals import picture_files, plot_comparison, plot_record, save_comparison, worst_stretch
 from ambid.plot.style import check_format, save_figure
 
 __all__ = [
