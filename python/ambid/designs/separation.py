@@ -108,8 +108,7 @@ class Proposal:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
-        own = {field.name: getattr(self, field.name) for field in fields(self)}
-        return own | {"change": self.change.what}
+        return vars(self) | {"change": self.change.what}
 
 
 @dataclass(frozen=True, repr=False)

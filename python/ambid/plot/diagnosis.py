@@ -23,6 +23,7 @@ from ambid.plot.style import (
     TITLE,
     dress,
     head,
+    legend,
     misfit_text,
     new_figure,
     plain_log,
@@ -168,8 +169,7 @@ def plot_prediction(prediction: Prediction, record: int = 0, ax: Sequence[Axes] 
             panel.set_xlabel("frequency [Hz]" if is_last else "", fontsize=LABEL)
         text = f"{misfit_text(prediction.misfit_now)} now, {misfit_text(prediction.misfit_then)} predicted"
         head(figure, f"{now.record}: power of the residual; misfit {text} with {prediction.effect}")
-        handles = panels[0].get_legend_handles_labels()[0]
-        figure.legend(handles=handles, loc="outside lower center", ncols=3, fontsize=SMALL, frameon=False)
+        legend(figure, panels[0], across=3)
     return np.array(panels[:channels])
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from ambid.results import band_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.collections import QuadMesh
+    from matplotlib.colors import LogNorm
 
 SIGNS = {1: "+", -1: "−", 0: ""}
 
@@ -57,26 +59,15 @@ def plot_misfit_map(
     ax = new_figure(9.0, 0.2 * bands + 0.9).add_subplot() if ax is None else ax
     significant = one.misfit > one.by_chance[:, None]
     norm = LogNorm(1.0, max(100.0, float(np.nanmax([largest, np.nanmax(one.misfit)]))), clip=True)
-    image = ax.pcolormesh(
-        np.arange(channels + 1),
-        np.arange(bands + 1),
-        np.ma.masked_where(~significant, one.misfit),
-        norm=norm,
-        cmap="YlOrBr",
-        edgecolors="white",
-        lw=1.0,
-    )
+    image = _cells(ax, np.ma.masked_where(~significant, one.misfit), norm)
     for b, row in enumerate(one.misfit):
         for c, misfit in enumerate(row):
             text = short_number(misfit) if np.isfinite(misfit) else "no line"
             colour = "#8a8a8a" if not significant[b, c] else "white" if norm(misfit) > 0.6 else "black"
             ax.text(c + 0.5, b + 0.5, text, ha="center", va="center", fontsize=SMALL, color=colour)
-    ax.set_facecolor(NOTHING)
     ax.set_xticks(np.arange(channels) + 0.5, one.channels)
     ax.set_yticks(np.arange(bands) + 0.5, [band_text(*edges, " – ") for edges in pairwise(one.edges_hz)])
     dress(ax, title=f"{one.record}: misfit by band and channel, in times noise power", y="band [Hz]", grid=None)
-    ax.tick_params(length=0)
-    ax.spines[["left", "bottom"]].set_visible(False)
     bar = ax.figure.colorbar(image, ax=ax, pad=0.01, fraction=0.03)
     bar.set_label("times noise power (grey: may be chance)", fontsize=LABEL)
     bar.ax.tick_params(labelsize=SMALL)
@@ -128,10 +119,7 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         rest = matrix.rest[b][:, None]
         values = np.hstack([np.where(matrix.is_told[b], matrix.power[b], np.nan), np.where(rest > 2.0, rest, np.nan)])
         shown = np.ma.masked_invalid(values)
-        panel.set_facecolor(NOTHING)
-        panel.pcolormesh(
-            np.arange(inputs + 2), np.arange(outputs + 1), shown, norm=norm, cmap="YlOrBr", edgecolors="white", lw=1.0
-        )
+        _cells(panel, shown, norm)
         for o in range(outputs):
             for i in range(inputs + 1):
                 if np.ma.is_masked(shown[o, i]):
@@ -145,8 +133,6 @@ def plot_misfit_matrix(matrix: MisfitMatrix, ax: Sequence[Axes] | None = None) -
         panel.set_yticks(np.arange(outputs) + 0.5, matrix.outputs)
         panel.set_ylim(outputs, 0)
         dress(panel, title=f"{band_text(*edges, ' – ')} Hz", grid=None)
-        panel.tick_params(length=0)
-        panel.spines[["left", "bottom"]].set_visible(False)
     if ax is None:
         figure = panels[0].figure
         head(
@@ -194,3 +180,13 @@ def plot_growth(localisation: Localisation, ax: Axes | None = None) -> Axes:
     dress(ax, title="Growth with amplitude", x="rms of the excitation, in its own unit", y="unexplained y, rms [µm]")
     ax.legend(fontsize=SMALL, frameon=False)
     return ax
+
+
+def _cells(ax: Axes, values: Any, norm: LogNorm) -> QuadMesh:
+    """Draw a masked table, row by row from below: the darker a cell, the more; what is masked is grey."""
+    rows, columns = values.shape
+    ax.set_facecolor(NOTHING)
+    ax.tick_params(length=0)
+    ax.spines[["left", "bottom"]].set_visible(False)
+    edges = np.arange(columns + 1), np.arange(rows + 1)
+    return ax.pcolormesh(*edges, values, norm=norm, cmap="YlOrBr", edgecolors="white", lw=1.0)

@@ -20,10 +20,10 @@ from ambid.plot.style import (
     GUIDE,
     MEASURED,
     SIMULATED,
-    SMALL,
     check_format,
     dress,
     head,
+    legend,
     new_figure,
     plain_log,
     save_figure,
@@ -211,12 +211,6 @@ def unbroken(degrees: FloatArray) -> FloatArray:
     joined = degrees.copy()
     joined[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
     return joined
-
-
-def legend(figure: Any, *panels: Axes) -> None:
-    """One legend for several panels, below the figure."""
-    handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
 
 def unit_of(output: str, of: str) -> str:

@@ -18,10 +18,10 @@ from ambid.record.content import (
     Content,
     NotNumbers,
     Stored,
+    aligned,
     require_names,
     unused,
 )
-from ambid.record.timing import aligned
 
 OF_LOOP = ("i_e", "r", "y", "i_c", "i_ref")
 """Signals that a record has of every axis, if at all."""

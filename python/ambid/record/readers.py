@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
 from ambid.reading import MOST_COLUMNS, load_mat, reading, require_size, variables_of, watched
-from ambid.record.content import Content, NotNumbers, Stored, require_columns, require_names
+from ambid.record.content import Content, NotNumbers, Stored, Timing, require_columns, require_names
 from ambid.record.csv_table import read_table
-from ambid.record.timing import Timing
 
 NPTDMS = Kind("tdms_reader", "warning", "npTDMS: {text}")
 """What the package for TDMS says of a file, such as that it was cut."""

@@ -32,9 +32,8 @@ from ambid.plot import (
     worst_stretch,
 )
 from ambid.plot.needed import HALF, SEEN
-from ambid.plot.responses import legend
 from ambid.plot.signals import legend as signal_legend
-from ambid.plot.style import new_figure
+from ambid.plot.style import legend, new_figure
 from ambid.robustness import Margins, PoleMap
 
 if TYPE_CHECKING:
