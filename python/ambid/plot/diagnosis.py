@@ -33,11 +33,10 @@ from ambid.plot.style import (
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-FALL = AXIS_COLOURS[0]
+MAIN, VALIDATION = AXIS_COLOURS[:2]
 UNSURE = "#9a9a9a"
 LEAST = 0.8
 """Of the scale: a predicted misfit a little below 1 is chance."""
-TRAIN, VALIDATION = AXIS_COLOURS[:2]
 CELL: dict[str, Any] = {"va": "center", "ha": "right", "fontsize": SMALL}
 
 
@@ -70,7 +69,7 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = 12) ->
     place = ax.get_yaxis_transform()
     for row, candidate in enumerate(shown):
         name, then = candidate.effect.name, max(candidate.predicted_misfit, LEAST)
-        colour = FALL if name in significant else UNSURE
+        colour = MAIN if name in significant else UNSURE
         ax.barh(row, now - then, left=then, height=0.3, color=colour if name in significant else NOTHING, lw=0.0)
         fill = "white" if name in like_first else colour
         ax.plot([then], [row], marker="o", ms=6, mfc=fill, mec=colour, mew=1.4, ls="none", zorder=3)
@@ -92,10 +91,10 @@ def plot_ranking(ranking: Ranking, ax: Axes | None = None, *, most: int = 12) ->
     dress(ax, x="misfit J/dof: now (line to the right), then (dot), noise alone (dashed)", grid="x")
     ax.set_title(f"Candidates: misfit {misfit_text(ranking.misfit)} now", fontsize=TITLE, loc="left", pad=16)
     style: dict[str, Any] = {"marker": "o", "ms": 6, "mew": 1.4, "ls": "none"}
-    handles = [Line2D([], [], mfc=FALL, mec=FALL, label="beyond chance", **style)]
+    handles = [Line2D([], [], mfc=MAIN, mec=MAIN, label="beyond chance", **style)]
     if like_first:
         text = "acts much like the first"
-        handles.append(Line2D([], [], mfc="white", mec=FALL, label=text, **style))
+        handles.append(Line2D([], [], mfc="white", mec=MAIN, label=text, **style))
     if len(significant) < len(ranking.candidates):
         handles.append(Line2D([], [], mfc=UNSURE, mec=UNSURE, label="may be chance", **style))
     below = (0.0, -0.62 / max(len(shown), 3) - 0.08)
@@ -217,7 +216,7 @@ def plot_staircase(diagnosis: Diagnosis, ax: Sequence[Axes] | None = None) -> ND
         [[s.misfit for s in steps], [np.nan if s.validation_misfit is None else s.validation_misfit for s in steps]],
         dtype=float,
     )
-    styles = ((TRAIN, "o", TRAIN, "-", "train", -9), (VALIDATION, "s", "white", "--", "validation", 9))
+    styles = ((MAIN, "o", MAIN, "-", "train", -9), (VALIDATION, "s", "white", "--", "validation", 9))
     for values, (colour, marker, fill, line, label, aside) in zip(known, styles, strict=True):
         if np.isnan(values).all():
             continue
@@ -262,9 +261,9 @@ def _parameters(ax: Axes, diagnosis: Diagnosis) -> None:
         half = 0.0 if own.ci95 is None else 0.5 * (own.ci95[1] - own.ci95[0]) * scale
         now = (p.value - before[p.name]) * scale
         first = row == 0
-        ax.plot([0.0, now], [row, row], "-", color=TRAIN, lw=1.2)
+        ax.plot([0.0, now], [row, row], "-", color=MAIN, lw=1.2)
         label = "last model, 95 % interval" if first else None
-        ax.errorbar(now, row, xerr=np.nan_to_num(half), fmt="o", color=TRAIN, ms=5, capsize=3, label=label)
+        ax.errorbar(now, row, xerr=np.nan_to_num(half), fmt="o", color=MAIN, ms=5, capsize=3, label=label)
         widest = max(widest, abs(now) + np.nan_to_num(half))
     reach = 1.5 * widest or 1.0
     for row, p in enumerate(shared):

@@ -20,13 +20,12 @@ from ambid.plot.style import (
     GUIDE,
     MEASURED,
     SIMULATED,
-    check_format,
     dress,
     head,
     legend,
     new_figure,
     plain_log,
-    save_figure,
+    save_drawn,
 )
 from ambid.record import FrequencyResponse
 
@@ -139,10 +138,7 @@ def save_responses(compared: Responses, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    save_figure(draw_responses(compared), path)
-    return path
+    return save_drawn(path, lambda: draw_responses(compared))
 
 
 def _responses(

@@ -90,7 +90,9 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "shown": pictures.before_and_after(diagnosis, before, is_moved),
         "where": None if where is None else _where(diagnosis, where, before, missing),
         "rankings": _rankings(diagnosis, last, base.rig),
-        "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
+        "ledger": None
+        if len(diagnosis.history) == 1
+        else {"picture": pictures.staircase(diagnosis), "led_nowhere": last is not diagnosis.history[-1]},
         "parameters": _parameters(diagnosis, first, changes),
         "tolerances": [(name, *own.texts()) for name, own in diagnosis.tolerances.items()],
         "budget": _budget(diagnosis) if diagnosis.tolerances else None,
@@ -182,11 +184,6 @@ def _rankings(diagnosis: Diagnosis, last: Step, rig: Rig) -> list[dict[str, Any]
         }
         for ranking, added in pairs
     ]
-
-
-def _ledger(diagnosis: Diagnosis) -> dict[str, Any]:
-    led_nowhere = numbers.last_step(diagnosis) is not diagnosis.history[-1]
-    return {"picture": pictures.staircase(diagnosis), "led_nowhere": led_nowhere}
 
 
 def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> list[words.Row]:

@@ -42,8 +42,6 @@ HEADERS = {
     "cache-control": "no-store",
 }
 """Of every answer. Inline styles are what the charts' library writes; nothing is loaded from elsewhere."""
-OWN = ("", "same-origin", "none")
-"""Values of `Sec-Fetch-Site` of requests by this page, or by the address bar."""
 
 Json = dict[str, Any]
 Answer = Callable[[Window, Json], Json | Response]
@@ -146,18 +144,6 @@ def _move(window: Window, given: Json) -> None:
     window.go(_whole(given, "revision"), lambda session: session.move(name, value))
 
 
-def _undo(window: Window, given: Json) -> None:
-    window.go(_whole(given, "revision"), lambda session: session.undo())
-
-
-def _fit(window: Window, given: Json) -> None:
-    window.start(_whole(given, "revision"), "fit", lambda session, progress: session.fit(progress))
-
-
-def _rank(window: Window, given: Json) -> None:
-    window.start(_whole(given, "revision"), "rank", lambda session, progress: session.ranked(progress))
-
-
 def _add(window: Window, given: Json) -> None:
     name = str(_given(given, "name"))
     window.start(_whole(given, "revision"), f"add {name}", lambda session, progress: session.add(name, progress))
@@ -188,9 +174,9 @@ ASKED: dict[str, Answer] = {
 """Further calls that change nothing, about the step as it is now."""
 DONE: dict[str, Do] = {
     "move": _move,
-    "undo": _undo,
-    "fit": _fit,
-    "rank": _rank,
+    "undo": lambda window, given: window.go(_whole(given, "revision"), Session.undo),
+    "fit": lambda window, given: window.start(_whole(given, "revision"), "fit", Session.fit),
+    "rank": lambda window, given: window.start(_whole(given, "revision"), "rank", Session.ranked),
     "add": _add,
     "remove": _remove,
     "report": lambda window, given: window.start_report(_whole(given, "revision")),
@@ -304,7 +290,7 @@ class Guard:
         origin = headers.get("origin")
         if origin is not None and origin.removeprefix("http://") not in self.hosts:
             return "refused: the request comes from another origin"
-        if headers.get("sec-fetch-site", "") not in OWN:
+        if headers.get("sec-fetch-site", "") not in ("", "same-origin", "none"):  # by this page, or the address bar
             return "refused: the request comes from another site"
         if not secrets.compare_digest(path.removeprefix("/").partition("/")[0].encode(), self.token.encode()):
             return "refused: the token is wrong; open the address that the command printed"
