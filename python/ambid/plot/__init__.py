@@ -6,8 +6,7 @@ global state is touched. All are legible in black and white.
 
 from ambid.plot.campaign import campaign_files, plot_campaign, save_campaign
 from ambid.plot.diagnosis import plot_prediction, plot_ranking, plot_staircase, save_prediction, save_ranking
-from ambid.plot.misfit import plot_growth, plot_misfit_map, plot_misfit_matrix
-from ambid.plot.needed import plot_needed
+from ambid.plot.misfit import plot_growth, plot_misfit_map, plot_misfit_matrix, plot_needed
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
 from ambid.plot.robustness import (
     plot_campbell,

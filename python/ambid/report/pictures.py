@@ -31,7 +31,7 @@ from ambid.plot import (
     plot_staircase,
     worst_stretch,
 )
-from ambid.plot.needed import HALF, SEEN
+from ambid.plot.misfit import HALF, SEEN
 from ambid.plot.signals import legend as signal_legend
 from ambid.plot.style import legend, new_figure
 from ambid.robustness import Margins, PoleMap
