@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ambid.errors import InputError
 
+PRBS, MULTISINE = "prbs", "multisine"
+"""Kinds of signals."""
 MOST_ORDER = 24
 """Of a shift register: a period of 17 million chips."""
 FINER = 4

@@ -7,7 +7,7 @@ import shlex
 
 import pytest
 
-from ambid.cli.commands import COMMANDS, command_of
+from ambid.cli.outputs import COMMANDS, command_of
 from ambid.demo import DATA
 from ambid.findings import KINDS
 from parsed import read_by_the_command_line

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ambid.cli.effect_option import with_effects
+from ambid.cli.options import with_effects
 from ambid.effects import CATALOGUE
 from ambid.errors import ModelError
 from ambid.model import Model

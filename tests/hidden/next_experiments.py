@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import ambid
-from ambid.designs.changes import Change
+from ambid.designs.separation import Change
 from hidden.bench import measured
 from hidden.one_axis import ONE_AXIS
 

@@ -13,7 +13,7 @@ import pytest
 
 from ambid.cli.virtual import GO_ON
 from ambid.errors import IdentificationError, InputError, OutputError, Stopped
-from ambid.monte_carlo import Spread, chunks, procedure, run_monte_carlo
+from ambid.monte_carlo import Spread, procedure, run_monte_carlo
 from ambid.monte_carlo.result import RUNS_FAILED, TOO_FEW_RUNS
 from monte_carlo.planned import CHUNK, RIG, RUNS, content, plan
 
@@ -118,7 +118,7 @@ def test_parts_that_changed_places(tmp_path, golden):
 def test_a_plan_that_is_broken(tmp_path, text, golden):
     folder = tmp_path / "runs.parquet"
     folder.mkdir()
-    (folder / chunks.PLAN).write_text(text)
+    (folder / procedure.PLAN).write_text(text)
     with golden.raises(InputError):
         run_monte_carlo(plan(), 1, out=folder)
 

@@ -5,7 +5,7 @@ import pytest
 
 from ambid import ChannelMap, FrequencyResponse, Rig
 from ambid.errors import RecordError
-from ambid.record.units import frequency_unit, ratio_of, unit_of
+from ambid.record.quantities import frequency_unit, ratio_of, unit_of
 from found import codes, the
 from places import LEVITATOR
 

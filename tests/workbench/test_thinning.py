@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ambid.workbench.places import thinned
+from ambid.workbench.views import thinned
 
 
 def in_a_row(count, pixels):

@@ -10,15 +10,13 @@ import typer
 from typer.main import get_command
 
 import ambid
-from ambid.cli.catalogue import effects_command
 from ambid.cli.designing import design_command, excitation_command
 from ambid.cli.diagnosing import check_command, compare_command, diagnose_command, rank_command
-from ambid.cli.experiments import demo_command, init_command, simulate_command
+from ambid.cli.experiments import demo_command, effects_command, init_command, simulate_command
 from ambid.cli.exporting import export_command
 from ambid.cli.identifying import campaign_command, identify_command, static_load_command
 from ambid.cli.options import Commands, DiagnoseCommand
-from ambid.cli.responding import frequency_response_command
-from ambid.cli.standing import campbell_command, margins_command, poles_command
+from ambid.cli.standing import campbell_command, frequency_response_command, margins_command, poles_command
 from ambid.cli.virtual import monte_carlo_command
 from ambid.cli.working import workbench_command
 

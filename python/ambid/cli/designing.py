@@ -10,7 +10,6 @@ import numpy as np
 import typer
 
 import ambid
-from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import LONGEST_SIMULATION
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable
 from ambid.cli.options import (
@@ -29,18 +28,17 @@ from ambid.cli.options import (
     names,
     noise_of,
     span,
+    with_effects,
 )
 from ambid.cli.outputs import Files, conclude, require_new, require_outputs
 from ambid.cli.signals import stoppable
 from ambid.errors import InputError
-from ambid.excitation import MOST_ORDER
+from ambid.excitation import MOST_ORDER, MULTISINE, PRBS
 from ambid.writing import is_device
 
 if TYPE_CHECKING:
     from ambid.designs import Design, Instruments, Limits, Proposals
     from ambid.record import Measurement
-
-PRBS, MULTISINE = "prbs", "multisine"
 
 FullScale = Annotated[
     float | None, typer.Option(metavar="AMPERE", help="What full scale of a .wav file stands for; default: the peak.")

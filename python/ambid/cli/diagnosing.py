@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.commands import command_of, with_command
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
@@ -33,7 +32,17 @@ from ambid.cli.options import (
     names,
     span,
 )
-from ambid.cli.outputs import Files, conclude, drawn, pictures, reported, require_outputs, saved
+from ambid.cli.outputs import (
+    Files,
+    command_of,
+    conclude,
+    drawn,
+    pictures,
+    reported,
+    require_outputs,
+    saved,
+    with_command,
+)
 from ambid.cli.signals import came, done_of, droppable, exit_code, stoppable, stopped
 from ambid.cli.terminal import choose, progress, require_terminal, say, with_time_left
 from ambid.cli.updating import files_of_mended, mended, require_rig, updated

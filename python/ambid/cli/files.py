@@ -1,18 +1,19 @@
-"""Files that commands read."""
+"""Files that commands read, and what is found in them: at once on stderr, and among the findings of a JSON."""
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import ambid
-from ambid.cli.noted import note
-from ambid.errors import InputError, UnstableLoopError, UnstableStartError
+from ambid.errors import InputError, UnstableLoopError, UnstableStartError, printable
 from ambid.findings import Finding, Kind, Where
 
 NO_RECORD = "no record follows; name the records of this operating point after its rig file"
@@ -37,6 +38,8 @@ MOST_KEYS = 5
 """Keys of another rig that are listed one by one."""
 NOMINAL = ("force_current", "force_displacement", "actuator.time_constant")
 """Keys that a saved model has values of its own for: they matter least, and are listed last."""
+
+_noted: list[Finding] = []
 
 
 def load_rig(path: Path, exact: bool) -> ambid.Rig:
@@ -191,3 +194,43 @@ def load_records(
         )
         found.append(record if point is rig else record.at(point))
     return found
+
+
+def begin_findings() -> None:
+    """Forget the findings of a command before, where several run in one process."""
+    _noted.clear()
+
+
+def note(finding: Finding) -> None:
+    """Say something once."""
+    if finding not in _noted:
+        _noted.append(finding)
+        print(printable(f"{finding.severity}: {finding.line()}"), file=sys.stderr)
+
+
+def with_findings(data: Mapping[str, Any], more: Sequence[Finding] = ()) -> dict[str, Any]:
+    """Data for JSON with the findings of its parts, of the command beside its result, and of its inputs.
+
+    Parameters
+    ----------
+    data : mapping
+        A result's own, whose findings stand under ``findings``, or under those of its parts.
+    more : sequence of Finding
+        Of the command, beside those of its result.
+    """
+    found = list(data["findings"]) if "findings" in data else _of_parts(data)
+    further = [finding for finding in (*more, *_noted) if finding.as_dict() not in found]
+    found += [finding.as_dict() for finding in further]
+    notes = [*data.get("notes", []), *(finding.line() for finding in further)]
+    return {**data, "findings": found} | ({"notes": notes} if notes or "notes" in data else {})
+
+
+def _of_parts(value: Any) -> list[Any]:
+    """The findings of what is nested in the data, each once."""
+    if isinstance(value, Mapping):
+        parts = [*value.get("findings", []), *(of for entry in value.values() for of in _of_parts(entry))]
+    elif isinstance(value, list | tuple):
+        parts = [of for entry in value for of in _of_parts(entry)]
+    else:
+        return []
+    return [part for k, part in enumerate(parts) if part not in parts[:k]]

@@ -9,7 +9,6 @@ from typing import Annotated
 import typer
 
 import ambid
-from ambid.cli.commands import command_of, with_command
 from ambid.cli.files import load_model, load_records, load_rig, naming_unstable, require_first_point
 from ambid.cli.options import (
     Allow,
@@ -29,7 +28,7 @@ from ambid.cli.options import (
     names,
     number,
 )
-from ambid.cli.outputs import conclude, drawn, pictures, require_outputs, saved
+from ambid.cli.outputs import command_of, conclude, drawn, pictures, require_outputs, saved, with_command
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress
 from ambid.cli.updating import require_rig, updated

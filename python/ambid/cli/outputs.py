@@ -1,18 +1,22 @@
-"""What commands leave: which files may be written is known before the work, and all are written before any print."""
+"""What commands leave: which files may be written is known before the work, and all are written before any print.
+
+What a result says is to be done next is printed with the command that does it: rooms below do not know these.
+"""
 
 from __future__ import annotations
 
 import json
 import os
+import re
+import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
 import ambid
-from ambid.cli.files import count_of
-from ambid.cli.noted import with_findings
+from ambid.cli.files import count_of, with_findings
 from ambid.cli.signals import begin_results, came, stopped
 from ambid.errors import AmbidError, InputError, printable
 from ambid.findings import Finding
@@ -25,6 +29,24 @@ STOPPED = "stopped"
 """Key of JSON that says whether a signal came before all was done."""
 ALL_OF_IT = "when the result above was finished; all that was asked for is written"
 ONLY_THESE = "twice while files were written: of the result above, which is finished, not all is written"
+
+DIAGNOSE = "ambid diagnose RIG RECORD"
+COMMANDS = {
+    "deflection_left_out": "ambid static-load RIG LOADS --deflection",
+    "next_validate": "ambid compare RIG RECORD --model MODEL",
+    "next_diagnose": DIAGNOSE,
+    "next_excite_and_diagnose": DIAGNOSE,
+    "next_fit_force_law": f"{DIAGNOSE} --effects {{effect}}",
+    "next_lower_tolerance": f"{DIAGNOSE} --tolerance {{tolerance:.2f}}",
+    "next_judge_residual": f"{DIAGNOSE} --tolerance J",
+    "next_simulate_experiments": f"{DIAGNOSE} --next",
+    "next_mend": "ambid design RIG",
+    "next_begin_anew": "ambid campaign {campaign}",
+    "next_validate_models": "ambid compare RIG RECORD",
+    "next_diagnose_kind": "ambid diagnose {rig} {record}[ --validate {validate}]",
+}
+"""By code of what is to be done, or of what is found, with values of its finding; a name in capitals is an argument of
+one's own, and what stands in square brackets is left out where its value is not known."""
 
 Files = Mapping[str, Path | Sequence[Path] | None]
 """By option or argument; None where it was not given."""
@@ -194,3 +216,22 @@ def _write_json(data: dict[str, Any], path: Path | None) -> Sequence[Path]:
         with whole_file(path) as stream:
             stream.write(_as_json(data).encode())
     return ()
+
+
+def command_of(steps: Iterable[Finding]) -> str:
+    """Of the first of these that a command does; empty where none does."""
+    step = next((step for step in steps if step.code in COMMANDS), None)
+    if step is None:
+        return ""
+    known = {
+        name: value if isinstance(value, float) else shlex.quote(str(value)) for name, value in step.values.items()
+    }
+    text = re.sub(
+        r"\[([^{]*\{(\w+)\})\]", lambda part: "" if step.values[part[2]] is None else part[1], COMMANDS[step.code]
+    )
+    return text.format_map(known)
+
+
+def with_command(text: str, command: str) -> str:
+    """What is printed, with the command where there is one."""
+    return f"{text}\n  {command}" if command else text

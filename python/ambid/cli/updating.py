@@ -23,7 +23,6 @@ NOT_UPDATED = Kind(
 NOT_MENDED = Kind(
     "record_not_mended", "warning", "not written: no error of a record is named that could be taken out of it"
 )
-HINT = "--save-rig RIG writes the rig file with these values"
 
 
 class Updated(NamedTuple):
@@ -56,7 +55,8 @@ def updated(result: ambid.Estimate | ambid.Diagnosis, path: Path | None) -> Upda
     is_adequate = fit is not None and fit.is_adequate
     if path is None:
         is_asked = is_adequate and has(result.findings, VALUE_MOVED)
-        return Updated(f"\n  {HINT}" if is_asked else "", {}, (), lambda: ())
+        hint = "\n  --save-rig RIG writes the rig file with these values"
+        return Updated(hint if is_asked else "", {}, (), lambda: ())
     if not result.tolerances:
         none = NOT_UPDATED(Where(file=str(path)))
         return Updated(f"\n{none.severity}: {none.line()}", {"rig_update": {}}, (none,), lambda: ())

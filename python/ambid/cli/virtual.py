@@ -17,10 +17,19 @@ from typing import Annotated, Any
 import typer
 
 import ambid
-from ambid.cli.effect_option import with_effects
 from ambid.cli.experiments import excitation_of
 from ambid.cli.files import load_model, load_rig
-from ambid.cli.options import Channels, Exact, JsonFile, ModelFile, Quiet, RigFile, known_effects, noise_of
+from ambid.cli.options import (
+    Channels,
+    Exact,
+    JsonFile,
+    ModelFile,
+    Quiet,
+    RigFile,
+    known_effects,
+    noise_of,
+    with_effects,
+)
 from ambid.cli.outputs import conclude, require_outputs
 from ambid.cli.signals import done_of, exit_code, stoppable
 from ambid.cli.terminal import progress, with_time_left

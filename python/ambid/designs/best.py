@@ -11,11 +11,12 @@ from ambid.checking import LoopFigures
 from ambid.checking.nominal import NominalLoop
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.length import LONGEST, missed, of_signals, periods_of, without_signals
-from ambid.designs.options import MULTISINE, PRBS, SIGNALS, Option, Task, compared
+from ambid.designs.options import SIGNALS, Option, Task, compared
 from ambid.designs.peaks import Forecast, Limits, forecast
 from ambid.designs.sight import Visibility, visible
 from ambid.effects import Effect, find
 from ambid.errors import InputError, ModelError
+from ambid.excitation import MULTISINE, PRBS
 from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.identification.estimate import NORMAL_95
 from ambid.model import Given, Model, as_model

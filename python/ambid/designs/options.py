@@ -11,11 +11,10 @@ from ambid.arrays import FloatArray
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.peaks import MOST_OF_POWER, Limits, forecast
 from ambid.designs.powers import PoweredLines, best_powers, criterion
-from ambid.excitation import multisine, prbs
+from ambid.excitation import MULTISINE, PRBS, multisine, prbs
 from ambid.model import Model
 from ambid.noise.foreseen import Instruments
 
-PRBS, MULTISINE = "prbs", "multisine"
 SIGNALS = (PRBS, MULTISINE)
 
 

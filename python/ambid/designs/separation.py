@@ -12,7 +12,7 @@ probabilities p_k now and the lambda_kj that it adds, no less than
 (Kolchinsky and Tracey, Entropy 19 (2017) 361, by Bhattacharyya's distance of normal densities of one covariance).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from itertools import permutations
@@ -21,19 +21,21 @@ from typing import Any
 import numpy as np
 
 from ambid.arrays import FloatArray
-from ambid.designs.changes import Change, changes
+from ambid.channels import by_signal
 from ambid.designs.intervals import planned
 from ambid.designs.peaks import Limits, forecast
 from ambid.diagnosis import Diagnosis
 from ambid.diagnosis.evidence import DISTINCT
 from ambid.diagnosis.probabilities import NEGLIGIBLE
-from ambid.errors import InputError, ModelError, UnstableLoopError
+from ambid.errors import InputError, ModelError, RigError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
+from ambid.record import Record
 from ambid.results import Tabular, plain
+from ambid.rig import PidController, Rig
 from ambid.threads import with_one_blas_thread
 
 CURRENT_NOISE = 0.01
@@ -42,6 +44,36 @@ LOUDER = 1.1
 """Amplitude over the present one that is worth trying, at the least."""
 NEARLY = 0.98
 """Part of the evidence wanted that ends the search for the length: two fits differ by as much."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """An experiment beside the one that was made.
+
+    Attributes
+    ----------
+    what : str
+        In words.
+    amplitude : float
+        Over the present one.
+    rig : Rig or None
+        At another operating point; None at the present one.
+    record : tuple of str
+        What is to be recorded that was not: ``i_c``, or further channels.
+    """
+
+    what: str
+    amplitude: float = 1.0
+    rig: Rig | None = None
+    record: tuple[str, ...] = ()
+
+    def at(self, model: Model) -> Model:
+        """A model at the operating point of the experiment."""
+        if self.rig is None:
+            return model
+        n = len(model.rig.axes)
+        anything = Record("planned", model.rig.sample_rate, model.rig.axes, np.zeros((2, n)), np.zeros((2, n)), None)
+        return model.covering([anything.at(self.rig)]).at(self.rig)
 
 
 @dataclass(frozen=True)
@@ -76,8 +108,7 @@ class Proposal:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
-        own = {field.name: getattr(self, field.name) for field in fields(self)}
-        return own | {"change": self.change.what}
+        return vars(self) | {"change": self.change.what}
 
 
 @dataclass(frozen=True, repr=False)
@@ -209,6 +240,39 @@ def tell_apart(
         found.append(Proposal(change, evidence, information, repeats, seconds, load * change.amplitude, cost))
     found.sort(key=lambda own: (own.cost, -own.information))
     return Proposals(tuple(hypotheses), tuple(found), not_tried, gained(likely, np.inf))
+
+
+def changes(rig: Rig, record: Iterable[str]) -> Iterator[Change]:
+    """All experiments that may be tried next on a machine; `record` is what could be recorded and is not."""
+    yield Change("the same once more")
+    for channels in by_signal(record).values():
+        yield Change(f"record {', '.join(channels)}", record=tuple(channels))
+    for factor in (0.5, 2.0):
+        yield Change(f"{factor:g} times the amplitude", amplitude=factor)
+    for factor in (0.5, 1.5) if rig.speed > 0.0 else ():
+        yield Change(f"speed {factor * rig.speed:.4g} rad/s", rig=rig.replace(speed=factor * rig.speed))
+    # bias currents that are tried, over the present one: K_i follows it, and K_s its square
+    for factor in (0.75, 1.25):
+        with suppress(RigError):  # beyond what a rig file may hold
+            bearings = tuple(
+                bearing.model_copy(
+                    update={
+                        "bias_current": factor * bearing.bias_current,
+                        "force_current": tuple(factor * value for value in bearing.force_current),
+                        "force_displacement": tuple(factor**2 * value for value in bearing.force_displacement),
+                    }
+                )
+                for bearing in rig.bearings
+            )
+            yield Change(f"{factor:g} times the bias current", rig=rig.replace(bearings=bearings))
+    if isinstance(rig.controller, PidController):
+        for key in ("proportional", "derivative"):
+            for factor in (0.8, 1.25):
+                gain = np.asarray(getattr(rig.controller, key)) * factor
+                if gain.any():
+                    gains = gain.tolist() if gain.ndim == 0 else tuple(gain.tolist())
+                    other = rig.controller.model_copy(update={key: gains})
+                    yield Change(f"{factor:g} times controller.{key}", rig=rig.replace(controller=other))
 
 
 def _normalised(probabilities: Mapping[str, float], hypotheses: Mapping[str, Model]) -> FloatArray:

@@ -52,7 +52,7 @@ def made_by(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Genera
     elif hasattr(executor, "submit"):
         yield from _submitted(executor, plan, tasks)
     elif hasattr(executor, "map"):
-        yield from executor.map(partial(_rows_sent, _Parcel.of(plan)), tasks)
+        yield from executor.map(partial(_rows_by, _Parcel.of(plan)), tasks)
     else:
         raise InputError(
             f"executor {type(executor).__name__}: has neither submit nor map; give one of concurrent.futures, "
@@ -75,11 +75,10 @@ def _client_of_dask(executor: Any) -> Any:
 
 def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:
     given: _Parcel | str = plan.key if executor.submit(holds_plan, plan.key).result() else _Parcel.of(plan)
-    work = _rows_held if isinstance(given, str) else _rows_sent
     futures: set[Future[list[Row]]] = set()
     try:
         for runs in tasks:
-            futures.add(executor.submit(work, given, runs))
+            futures.add(executor.submit(_rows_by, given, runs))
         for future in as_completed(futures):
             futures.remove(future)
             yield future.result()
@@ -91,10 +90,6 @@ def _submitted(executor: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Gen
 def holds_plan(key: str) -> bool:
     """Whether this process has the plan of a key."""
     return key in HELD
-
-
-def _rows_held(key: str, runs: Sequence[int]) -> list[Row]:
-    return rows_of(HELD[key], runs)
 
 
 class _Parcel(NamedTuple):
@@ -115,8 +110,9 @@ def _opened(parcel: _Parcel) -> Plan:
     return plan
 
 
-def _rows_sent(parcel: _Parcel, runs: Sequence[int]) -> list[Row]:
-    return rows_of(_opened(parcel), runs)
+def _rows_by(given: _Parcel | str, runs: Sequence[int]) -> list[Row]:
+    """The rows of one task, in a worker that is sent the plan, or holds it under this key."""
+    return rows_of(HELD[given] if isinstance(given, str) else _opened(given), runs)
 
 
 def _on_cluster(client: Any, plan: Plan, tasks: Sequence[Sequence[int]]) -> Generator[list[Row]]:

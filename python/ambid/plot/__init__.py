@@ -5,18 +5,18 @@ global state is touched. All are legible in black and white.
 """
 
 from ambid.plot.campaign import campaign_files, plot_campaign, save_campaign
-from ambid.plot.campbell import plot_campbell, save_campbell
-from ambid.plot.matrix import plot_misfit_matrix
-from ambid.plot.misfit import plot_growth, plot_misfit_map
-from ambid.plot.needed import plot_needed
-from ambid.plot.poles import plot_poles, save_poles
-from ambid.plot.prediction import plot_prediction, save_prediction
-from ambid.plot.ranking import plot_ranking, save_ranking
-from ambid.plot.record import plot_record
+from ambid.plot.diagnosis import plot_prediction, plot_ranking, plot_staircase, save_prediction, save_ranking
+from ambid.plot.misfit import plot_growth, plot_misfit_map, plot_misfit_matrix, plot_needed
 from ambid.plot.responses import draw_responses, plot_frequency_response, save_responses
-from ambid.plot.sensitivity import plot_sensitivity, save_sensitivity
-from ambid.plot.signals import picture_files, plot_comparison, save_comparison, worst_stretch
-from ambid.plot.staircase import plot_staircase
+from ambid.plot.robustness import (
+    plot_campbell,
+    plot_poles,
+    plot_sensitivity,
+    save_campbell,
+    save_poles,
+    save_sensitivity,
+)
+from ambid.plot.signals import picture_files, plot_comparison, plot_record, save_comparison, worst_stretch
 from ambid.plot.style import check_format, save_figure
 
 __all__ = [

@@ -13,7 +13,18 @@ from ambid.campaigns import Campaign
 from ambid.campaigns.result import STATIC, Runs
 from ambid.errors import InputError
 from ambid.identification import ParameterEstimate
-from ambid.plot.style import AXIS_COLOURS, GUIDE, LABEL, SMALL, check_format, dress, head, new_figure, save_figure
+from ambid.plot.style import (
+    AXIS_COLOURS,
+    GUIDE,
+    LABEL,
+    SMALL,
+    check_format,
+    dress,
+    head,
+    legend,
+    new_figure,
+    save_figure,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,8 +104,7 @@ def plot_campaign(campaign: Campaign, quantity: str = "K_i", ax: Sequence[Axes] 
     if ax is None:
         for strip in grid[-1]:
             strip.set_xlabel("bias current i₀ [A]", fontsize=LABEL)
-        handles = panels[0].get_legend_handles_labels()[0]
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
+        legend(figure, panels[0])
         title = f"{campaign.folder.name}: {quantity} with 95 % intervals"
         head(figure, f"{title}; small crosses are single runs")
     return np.array(panels[: len(names)])

@@ -20,13 +20,12 @@ from ambid.plot.style import (
     GUIDE,
     MEASURED,
     SIMULATED,
-    SMALL,
-    check_format,
     dress,
     head,
+    legend,
     new_figure,
     plain_log,
-    save_figure,
+    save_drawn,
 )
 from ambid.record import FrequencyResponse
 
@@ -139,10 +138,7 @@ def save_responses(compared: Responses, path: str | Path) -> Path:
     InputError
         If the suffix is none of .png, .pdf, .svg.
     """
-    path = Path(path)
-    check_format(path)
-    save_figure(draw_responses(compared), path)
-    return path
+    return save_drawn(path, lambda: draw_responses(compared))
 
 
 def _responses(
@@ -211,12 +207,6 @@ def unbroken(degrees: FloatArray) -> FloatArray:
     joined = degrees.copy()
     joined[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
     return joined
-
-
-def legend(figure: Any, *panels: Axes) -> None:
-    """One legend for several panels, below the figure."""
-    handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, fontsize=SMALL, frameon=False)
 
 
 def unit_of(output: str, of: str) -> str:

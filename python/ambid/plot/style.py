@@ -101,6 +101,12 @@ def head(figure: Figure, text: str) -> None:
     figure.suptitle(text, fontsize=TITLE, x=0.01, ha="left")
 
 
+def legend(figure: Any, *panels: Axes, across: int = 4) -> None:
+    """One legend for several panels, below the figure, with so many labels beside each other."""
+    handles = [handle for panel in panels for handle in panel.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, loc="outside lower center", ncols=across, fontsize=SMALL, frameon=False)
+
+
 def check_format(path: Path | None) -> None:
     """Refuse a picture's file name whose suffix is none of .png, .pdf, .svg, before any work is done.
 

@@ -14,15 +14,12 @@ from numpy.typing import NDArray
 from ambid.channels import SIGNALS, Channel
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
-from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, unused
+from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, aligned, unused
+from ambid.record.quantities import OURS
 from ambid.record.raw import RawRecord, lacks_motion, numbers, require_agreement
-from ambid.record.timing import aligned
 
 EXAMPLE = "y.A_zeta=ch3:1e-6"
-RESPONSE_COLUMNS = (
-    *("frequency_hz", "frequency_rad_s", "frequency_rpm", "output", "input", "re", "im"),
-    *("magnitude", "magnitude_db", "phase_deg", "phase_rad", "std", "coherence", "averages"),
-)
+RESPONSE_COLUMNS = OURS.keys() - {"spread"}
 """Of a table of frequency responses: a map may say which columns they are."""
 COLUMNS_MAPPED = Kind("columns_mapped", "note", "column mapping applied ({count} columns)")
 

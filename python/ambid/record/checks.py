@@ -68,8 +68,6 @@ FROM_ELSEWHERE = 0.9
 """Air gaps from which on a mean is no displacement from their middle, but an absolute gap: no rotor stands so far."""
 ALLOWED = ("travel", "current")
 """What a person may vouch for: displacements and currents that look like a wrong unit."""
-CLIPPED_SHARE = 0.01
-"""Part of the samples at an extreme value above which a channel is clipped."""
 LONGEST_STANDSTILL = 50
 """Samples at one value from which on a channel may have hung, if that is also `UNUSUAL` times as long as usual."""
 UNUSUAL = 5.0
@@ -357,7 +355,7 @@ def _clipped(values: NDArray[np.float64]) -> tuple[float, float]:
         # A coarse converter also repeats its extreme values, but hardly more often than the level next to them:
         # at most 2.4 times for a sine, and in a short record by three standard deviations of the counts more.
         count, next_to_it = int(at.sum()), 3 * int(np.sum(values == inward(values[~at])))
-        if share > CLIPPED_SHARE and in_runs and count - next_to_it > 3.0 * np.sqrt(count + 3 * next_to_it):
+        if share > 0.01 and in_runs and count - next_to_it > 3.0 * np.sqrt(count + 3 * next_to_it):
             return share, float(level)
     return 0.0, 0.0
 

@@ -29,8 +29,6 @@ DELAY_NOT_SEEN = Kind(
     "{log_likelihood_ratio:.0f})",
     "check delay_samples: it is the delay of the sum -(K y) + i_e, from reading y to the output",
 )
-SIMPLER = 0.7
-"""Part of what does not repeat of an excitation that is left under the right delay of the command, at the most."""
 SURE = np.log(1000.0)
 """Log likelihood ratio that the wrong one of two commands has once in a thousand records (Royall, Statistical Evidence,
 1997, 1.4); of 1301 random loops with noise, saturation and wrong lags of the amplifier two exceeded it."""
@@ -71,7 +69,7 @@ def by_law(at_once: FloatArray, delayed: FloatArray, rounding: FloatArray, perio
     if period is None:
         return None
     left = [float(np.sum((own[period:] - own[:-period]) ** 2)) for own in (at_once, delayed)]
-    if min(left) > SIMPLER**2 * max(left):
+    if min(left) > 0.7**2 * max(left):  # the right delay leaves less of what does not repeat
         return None
     return left[0] < left[1]
 

@@ -36,8 +36,6 @@ LONGEST_LINE = 1 << 20
 COMMENTS = ("#", "%", "!", "sep=")
 """What lines above the header begin with that are none of the table; the last one is of spreadsheets."""
 WINDOWS = "cp1252"
-UNIT = re.compile(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?")
-"""What a cell of a line of units looks like."""
 
 
 @dataclass
@@ -322,7 +320,11 @@ def _is_row(head: str, below: str | None, separator: str | None) -> bool:
 
 def _is_unit(cell: str) -> bool:
     """Whether a cell may be of a line of units, where those without one are empty."""
-    return not cell or cell == "-" or (UNIT.fullmatch(cell) is not None and not _is_number(cell))
+    return (
+        not cell
+        or cell == "-"
+        or (re.fullmatch(r"[\[(]?[A-Za-zµμΩ°%][\w/*^·.µμΩ° -]{0,11}[\])]?", cell) is not None and not _is_number(cell))
+    )
 
 
 def _all_whole(cells: Iterable[str]) -> bool:

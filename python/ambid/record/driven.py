@@ -11,7 +11,7 @@ from ambid.findings import Finding, Kind, Where
 from ambid.record import checks
 from ambid.record.free_modes import REBUILT_TOLERANCE, is_held
 from ambid.record.mending import FEWEST, mended_excitation, mended_outputs
-from ambid.record.raw import OF_LOOP
+from ambid.record.raw import OF_LOOP, Signals
 from ambid.record.rebuild import ExcitationSource, rebuild_excitation, rounding_of, steps_of, unexplained
 from ambid.record.repeats import find_period, mismatches
 from ambid.rig import Rig
@@ -70,13 +70,6 @@ LAWFUL = 0.99
 """Part of the samples off the limits of a command in which it must follow the law: only the limits differ then."""
 ALIKE = 0.05
 """Part of the command's changes up to which the law counts as the one that made it."""
-LAGS, BY_FAR = 24, 4.0
-"""Samples of i_e that y may follow from, and how many times what chance explains it must then."""
-UNLIKE = 1.0
-"""Mismatch of one period with the next, relative to the rms, of a signal with as much noise; by chance it is 1.41."""
-
-Signals = dict[str, NDArray[np.float64]]
-"""What was recorded, by name."""
 
 
 class Driven(NamedTuple):
@@ -236,7 +229,8 @@ def _require_repeating(where: str, drives: NDArray[np.float64], stated: int, fou
     fault = None
     if found and stated % found:
         fault, act = f"{what} after {found}", f"state {found} or a multiple of it, or leave it out"
-    elif not found and stated <= len(drives) // 2 and mismatches(drives)[1][stated - 1] >= UNLIKE:
+    elif not found and stated <= len(drives) // 2 and mismatches(drives)[1][stated - 1] >= 1.0:
+        # as of a signal with as much noise; by chance it is 1.41
         fault, act = f"{what} after that no better than by chance", "state the right one, or leave it out"
     if fault:
         raise RecordError(f"{where}: a period of {stated} samples was stated, but {fault}; {act}")
@@ -275,14 +269,14 @@ def _comes_to_rest(logged: Signals) -> bool:
 def _answers(y: NDArray[np.float64], i_e: NDArray[np.float64]) -> bool:
     """Whether y of an axis follows from the i_e before it, at the end of a record, by far more than chance."""
     rows = len(y) // 4
-    lags = min(LAGS, rows // 8)
+    lags = min(24, rows // 8)  # samples of i_e that y may follow from
     chance = lags / rows
     for own, drive in zip(y[-rows:].T, i_e.T, strict=True):
         own = own - own.mean()
         before = np.column_stack([drive[-rows - lag : -lag] for lag in range(1, lags + 1)])
         before -= before.mean(axis=0)
         left = own - before @ np.linalg.lstsq(before, own, rcond=None)[0]
-        if 1.0 - np.sum(left**2) / max(float(np.sum(own**2)), 1e-300) > BY_FAR * chance:
+        if 1.0 - np.sum(left**2) / max(float(np.sum(own**2)), 1e-300) > 4.0 * chance:
             return True
     return False
 

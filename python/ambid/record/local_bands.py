@@ -48,8 +48,6 @@ FREE = 10
 """Lines of a band beyond the numbers that are fitted to them: so many degrees of freedom determine its noise."""
 NODES = np.polynomial.legendre.leggauss(DEGREE + 1)[0]
 """Gauss's points, in half widths of a band."""
-MIRRORED = np.polynomial.legendre.leggauss(2 * (DEGREE + 1))[0][DEGREE + 1 :]
-"""Those of a band and its mirror image, in widths of the band from zero."""
 APART = 1e-6
 """Part of a column, of length 1, that must be at right angles to those before it for a basis to separate them."""
 LEAST = 1e-8
@@ -122,7 +120,8 @@ def nodes(count: int) -> NDArray[np.intp]:
 
 def lowest_nodes(count: int) -> NDArray[np.intp]:
     """The same of a band and its mirror image, on its own side."""
-    return np.rint(count * MIRRORED).astype(np.intp) - 1
+    points = np.polynomial.legendre.leggauss(2 * (DEGREE + 1))[0][DEGREE + 1 :]
+    return np.rint(count * points).astype(np.intp) - 1
 
 
 def _fitted(u: ComplexArray, z: ComplexArray, x: FloatArray, at: FloatArray, form: Form) -> Bands:

@@ -15,10 +15,8 @@ from ambid.arrays import FloatArray
 from ambid.channels import SIGNALS, unit_of
 from ambid.findings import Finding, Kind, Where
 from ambid.record.frequency_gates import MOST_LISTED
+from ambid.record.raw import Signals
 from ambid.record.repeats import MOST_WRONG, OUTLIER, Repeats, repeats
-
-Signals = dict[str, FloatArray]
-"""Arrays (N, axes) by the names that a record gives them; (N, 1) of single channels."""
 
 WRONG_SAMPLE = Kind(
     "wrong_sample",

@@ -1,4 +1,4 @@
-"""What the columns of a frequency response table hold, by their names, and complex values in Hz from it."""
+"""Quantities and units as instruments write them: the factors that make SI units, and complex values in Hz."""
 
 import re
 from collections.abc import Iterable, Mapping
@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.constants import foot, g, inch
 
 from ambid.arrays import ComplexArray, FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Kind
-from ambid.record.units import Unit, frequency_unit, ratio_of
 
 UNITS_ASSUMED = Kind(
     "units_assumed",
@@ -18,6 +18,30 @@ UNITS_ASSUMED = Kind(
     "units are not stated and taken by the values: {units}",
     "name the columns with their units, such as frequency_hz, magnitude_db, phase_deg, or map them",
 )
+_LENGTHS = {
+    **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9},
+    **{"in": inch, "inch": inch, "ft": foot, **dict.fromkeys(("mil", "mils", "thou"), 1e-3 * inch)},
+}
+_FORMS = {"displacement": ("",), "velocity": ("/s", "/sec"), "acceleration": ("/s2", "/sec2", "/s/s", "/sec/sec")}
+_UNITS = {
+    **{
+        f"{length}{form}": (kind, factor)
+        for kind, forms in _FORMS.items()
+        for form in forms
+        for length, factor in _LENGTHS.items()
+    },
+    "ips": ("velocity", inch),
+    **dict.fromkeys(("g", "gn", "g's"), ("acceleration", g)),
+    "mg": ("acceleration", 1e-3 * g),
+    "gal": ("acceleration", 1e-2),
+    **{"a": ("current", 1.0), "amp": ("current", 1.0), "ma": ("current", 1e-3), "ua": ("current", 1e-6)},
+    **{"v": ("voltage", 1.0), "volt": ("voltage", 1.0), "mv": ("voltage", 1e-3), "uv": ("voltage", 1e-6)},
+}
+_FREQUENCIES = {
+    **{"hz": 1.0, "khz": 1e3, "1/s": 1.0},
+    **dict.fromkeys(("rad/s", "rad/sec"), 0.5 / np.pi),
+    **dict.fromkeys(("rpm", "1/min", "r/min", "cpm", "rev/min"), 1.0 / 60.0),
+}
 DECIBEL = "db"
 WORDS = {
     "frequency": ("frequency", "freq", "f", "omega", "frequenz"),
@@ -42,8 +66,21 @@ PLAIN = ("abs", "lin", "linear", "1", "-", "ratio")
 SIGNALS = ("y", "i_c", "i_e", "r")
 VALUES = ("magnitude", "phase", "re", "im")
 """Quantities that a label may stand beside."""
-SURELY_DEGREES = 45.0
-"""A phase beyond it is in degrees: in radians it would be seven turns."""
+
+
+@dataclass(frozen=True)
+class Unit:
+    """What is measured, and the factor that makes SI units of it.
+
+    Attributes
+    ----------
+    kind : {"displacement", "velocity", "acceleration", "current", "voltage"}
+    factor : float
+        To m, m/s, m/s^2, A or V.
+    """
+
+    kind: str
+    factor: float
 
 
 @dataclass(frozen=True)
@@ -82,6 +119,33 @@ OURS = {
     },
 }
 """By our names of columns and variables."""
+
+
+def unit_of(text: str) -> Unit | None:
+    """The unit that a text names, such as ``mm/s`` or ``µm``; None for an unknown one."""
+    found = _UNITS.get(_plain_unit(text))
+    return None if found is None else Unit(*found)
+
+
+def ratio_of(text: str) -> tuple[Unit, Unit | None] | None:
+    """Units of a response, such as ``um/A``, and of its excitation if that is named; None for unknown ones."""
+    whole = unit_of(text)
+    if whole is not None:
+        return whole, None
+    above, slash, below = _plain_unit(text).rpartition("/")
+    upper, lower = unit_of(above), unit_of(below)
+    return (upper, lower) if slash and upper is not None and lower is not None else None
+
+
+def frequency_unit(text: str) -> float | None:
+    """Factor that makes Hz of a unit of frequency or speed, such as ``rad/s`` or ``rpm``; None for an unknown one."""
+    return _FREQUENCIES.get(_plain_unit(text))
+
+
+def _plain_unit(text: str) -> str:
+    """Small letters without blanks, powers and brackets, so that one way of writing is left of many."""
+    own = re.sub(r"[\s()\[\]^]|\*\*", "", text.lower()).replace("²", "2")
+    return own.replace("µ", "u").replace("μ", "u").replace("·", "*")
 
 
 def quantity_of(header: str) -> Quantity | None:
@@ -220,7 +284,7 @@ def _unit_of_gain(path: Path, column: str, values: FloatArray) -> str:
 
 def _unit_of_phase(path: Path, column: str, values: FloatArray) -> str:
     most = np.abs(values[np.isfinite(values)]).max(initial=0.0)
-    if most > SURELY_DEGREES:
+    if most > 45.0:  # in radians it would be seven turns
         return "deg"
     if most <= 1.001 * np.pi:
         return "rad"

@@ -18,10 +18,10 @@ from ambid.record.content import (
     Content,
     NotNumbers,
     Stored,
+    aligned,
     require_names,
     unused,
 )
-from ambid.record.timing import aligned
 
 OF_LOOP = ("i_e", "r", "y", "i_c", "i_ref")
 """Signals that a record has of every axis, if at all."""
@@ -34,6 +34,10 @@ APART = "further"
 """Structure of a .mat file that holds single channels, such as ``further.a.drive_end``."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
 """What to do about a file with names of its own."""
+
+
+Signals = dict[str, NDArray[np.float64]]
+"""What was recorded, by name: signals of shape (N, n), and further channels of shape (N, 1)."""
 
 
 @dataclass

@@ -21,8 +21,7 @@ from ambid.record.checks import require_known
 from ambid.record.content import remarks
 from ambid.record.driven import driven
 from ambid.record.frequency_response import FrequencyResponse
-from ambid.record.gates import as_array, columns_of, gated, require_driven, require_further
-from ambid.record.loading import arguments_from
+from ambid.record.loading import arguments_from, as_array, columns_of, gated, require_driven, require_further
 from ambid.record.local_response import response_of_signals
 from ambid.record.raw import OF_LOOP
 from ambid.record.rebuild import ExcitationSource

@@ -15,8 +15,6 @@ CLEAN_SHARE = 0.3
 """Part of the stretches that must repeat: one loss spoils a period, which is half of what can be compared in three."""
 ALIKE = 0.3
 """Relative rms mismatch up to which stretches repeat: 20 % of noise on i_e. What never repeats has 1.4."""
-WORTH_A_LOOK = 1.15
-"""The same over all of a record at a lag that is looked at more closely."""
 OUTLIER = 8.0
 """Robust standard deviations of the noise of i_e beyond which a sample does not repeat; chance has none in 1e14."""
 ROUNDING = 1e-6
@@ -165,7 +163,7 @@ def _candidates(x: FloatArray) -> list[int]:
         return []
     inner = np.arange(unlike[0] + 1, len(lags) - 1)
     dips = inner[(mismatch[inner] <= mismatch[inner - 1]) & (mismatch[inner] <= mismatch[inner + 1])]
-    dips = dips[mismatch[dips] < WORTH_A_LOOK]
+    dips = dips[mismatch[dips] < 1.15]  # over all of a record: worth a look at its stretches
     dips = dips[np.argsort(mismatch[dips])[:12]]
     found = [(int(lags[k]), _of_stretches(x, int(lags[k]))) for k in dips]
     best = min((own for _, own in found), default=np.inf)

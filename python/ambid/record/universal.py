@@ -12,9 +12,9 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.reading import reading
 from ambid.record.channel_map import ChannelMap
+from ambid.record.quantities import Unit, frequency_unit, ratio_of, unit_of
 from ambid.record.raw_response import RawResponse, tabled
 from ambid.record.readers import extra
-from ambid.record.units import Unit, frequency_unit, ratio_of, unit_of
 from ambid.rig import Rig
 
 UNIVERSAL = (".uff", ".unv")

@@ -17,14 +17,10 @@ from ambid.identification.tolerances import NOISE, percent, shares
 from ambid.model import Model
 from ambid.model.parameter import nominal
 from ambid.report import numbers, pictures, words
-from ambid.report.before_after import DRAWN, before_and_after
-from ambid.report.numbers import files_of
 from ambid.rig import Rig
 from ambid.robustness import Margin, Margins, margins, pole_map
 from ambid.robustness.result import tolerated
 
-LISTED_SHARE = 0.02
-"""Of the variance of some parameter: a tolerance that makes less of all is no row of the budget."""
 DRAWS = 200
 """Of the parameters: they give a probability to 4 % (one standard error), in less time than a diagnosis takes."""
 
@@ -54,13 +50,13 @@ def story(diagnosis: Diagnosis) -> dict[str, Any]:
             for record in (*diagnosis.records, *diagnosis.validation)
             for finding in record.findings
         ],
-        "files": files_of(diagnosis),
+        "files": numbers.files_of(diagnosis),
         "is_moved": False,
         "fits": [],
         "choices": [],
         "invisible": [],
         "shown": [],
-        "drawn": DRAWN,
+        "drawn": pictures.DRAWN,
         "where": None,
         "rankings": [],
         "ledger": None,
@@ -91,10 +87,12 @@ def _chapters(diagnosis: Diagnosis) -> dict[str, Any]:
         "fits": _fits(diagnosis, first, last),
         "choices": [_choices(names, diagnosis.history, base.rig) for names in diagnosis.ambiguous_sets],
         "invisible": [] if missing else _invisible(first.ranking, base.rig),
-        "shown": before_and_after(diagnosis, before, is_moved),
+        "shown": pictures.before_and_after(diagnosis, before, is_moved),
         "where": None if where is None else _where(diagnosis, where, before, missing),
         "rankings": _rankings(diagnosis, last, base.rig),
-        "ledger": _ledger(diagnosis) if len(diagnosis.history) > 1 else None,
+        "ledger": None
+        if len(diagnosis.history) == 1
+        else {"picture": pictures.staircase(diagnosis), "led_nowhere": last is not diagnosis.history[-1]},
         "parameters": _parameters(diagnosis, first, changes),
         "tolerances": [(name, *own.texts()) for name, own in diagnosis.tolerances.items()],
         "budget": _budget(diagnosis) if diagnosis.tolerances else None,
@@ -188,11 +186,6 @@ def _rankings(diagnosis: Diagnosis, last: Step, rig: Rig) -> list[dict[str, Any]
     ]
 
 
-def _ledger(diagnosis: Diagnosis) -> dict[str, Any]:
-    led_nowhere = numbers.last_step(diagnosis) is not diagnosis.history[-1]
-    return {"picture": pictures.staircase(diagnosis), "led_nowhere": led_nowhere}
-
-
 def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> list[words.Row]:
     """Every parameter of the last model, then settings of its effects: rig file, before, now, interval, move."""
     of_rig = {p.name: p.value for p in nominal(diagnosis.model.rig)}
@@ -210,7 +203,7 @@ def _parameters(diagnosis: Diagnosis, first: Step, changes: Sequence[Moved]) -> 
 def _budget(diagnosis: Diagnosis) -> dict[str, Any]:
     """What makes the variance of each parameter [%]: noise, and every tolerance that makes much of one of them."""
     parts = {name: dict(shares(own)) for name, own in diagnosis.budget().items()}
-    much = [name for name in diagnosis.tolerances if any(own[name] >= LISTED_SHARE for own in parts.values())]
+    much = [name for name in diagnosis.tolerances if any(own[name] >= 0.02 for own in parts.values())]
     rows = {source: [own[source] for own in parts.values()] for source in (NOISE, *much)}
     rest = [max(0.0, 1.0 - sum(own)) for own in zip(*rows.values(), strict=True)]
     shown = rows | {"all others": rest}

@@ -1,4 +1,7 @@
-"""Pictures of the report, each as the source of an HTML image: SVG with its letters as curves, needing no font."""
+"""Pictures of the report, each as the source of an HTML image: SVG with its letters as curves, needing no font.
+
+Measured against simulated, before and after, is shown record by record, those for validation among them.
+"""
 
 from __future__ import annotations
 
@@ -6,14 +9,14 @@ import base64
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ambid.diagnosis import Comparison, Diagnosis, Localisation, MisfitMatrix, Ranking
 from ambid.diagnosis.localisation import SHAPED, MisfitMap
 from ambid.errors import RecordError
-from ambid.noise import frequency_responses
+from ambid.noise import compare, frequency_responses
 from ambid.noise.compared import ChannelComparison
 from ambid.plot import (
     plot_comparison,
@@ -28,10 +31,9 @@ from ambid.plot import (
     plot_staircase,
     worst_stretch,
 )
-from ambid.plot.needed import HALF, SEEN
-from ambid.plot.responses import legend
+from ambid.plot.misfit import HALF, SEEN
 from ambid.plot.signals import legend as signal_legend
-from ambid.plot.style import new_figure
+from ambid.plot.style import legend, new_figure
 from ambid.robustness import Margins, PoleMap
 
 if TYPE_CHECKING:
@@ -39,6 +41,8 @@ if TYPE_CHECKING:
 
 PAGE = 9.0
 """Width of a picture that fills the page [inch]."""
+DRAWN = 3
+"""Records with pictures of their own, those that the base model misses most: of each they take half a page."""
 
 
 @dataclass(frozen=True)
@@ -224,4 +228,78 @@ def responses(before: Comparison, after: Comparison | None, index: int) -> Pictu
         f"{' and '.join(f'{output} by {inlet}' for output, inlet in pairs)} of {compared.measured.name}, which the "
         "base model misses most: size with the noise of every measured value, phase, and what is left of them beside "
         "their standard deviation.",
+    )
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A record with both models.
+
+    Attributes
+    ----------
+    name, role : str
+    worst : str
+        The channel that the base model misses most.
+    fit, misfit : tuple of float
+        Before and after, in one noise; fit is the average over the displacements [%].
+    ceiling : float
+        Of the fit [%].
+    signals, responses : Picture or None
+        In time and over frequency; None of a record that is not drawn, or has no such picture.
+    """
+
+    name: str
+    role: str
+    worst: str
+    fit: tuple[float, float]
+    misfit: tuple[float, float]
+    ceiling: float
+    signals: Picture | None = None
+    responses: Picture | None = None
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """Those that there are."""
+        return [own for own in (self.signals, self.responses) if own is not None]
+
+
+def before_and_after(diagnosis: Diagnosis, before: Comparison, is_moved: bool) -> list[Shown]:
+    """All records in their order; pictures of those that are missed most.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+    before : Comparison
+        Of the base model against the records of the diagnosis.
+    is_moved : bool
+        Whether the last model is another one.
+    """
+    after = diagnosis.fit if is_moved else None
+    sides = [("diagnosis", before, after)]
+    if diagnosis.validation:
+        known = diagnosis.kept_back
+        was = compare(before.model, diagnosis.validation) if known is None else known
+        was = was.of(before.model) if was.is_judged else was
+        now = None if after is None or not was.is_judged else was.of(after.model).with_own_angles()
+        sides.append(("validation", was, now))
+    places = [(role, was, now, k) for role, was, now in sides for k in range(len(was.records))]
+    misfits = np.nan_to_num([was.records[k].misfit for _, was, _, k in places], nan=-np.inf)
+    drawn = set(np.argsort(-misfits, kind="stable")[:DRAWN].tolist())
+    return [_shown(*place, is_drawn=own in drawn) for own, place in enumerate(places)]
+
+
+def _shown(role: str, before: Comparison, after: Comparison | None, k: int, *, is_drawn: bool) -> Shown:
+    pair = before.records[k], (before if after is None else after).records[k]
+    fits, misfits = [float(own.as_dict()["fit_percent"]["average"]) for own in pair], [own.misfit for own in pair]
+    drawn: dict[str, Any] = {}
+    if is_drawn:
+        drawn = {"signals": signals(before, after, k), "responses": responses(before, after, k)}
+    return Shown(
+        pair[0].record.name,
+        role,
+        pair[0].worst.channel,
+        (fits[0], fits[1]),
+        (misfits[0], misfits[1]),
+        float(pair[0].as_dict()["noise_ceiling_percent"]["average"]),
+        **drawn,
     )

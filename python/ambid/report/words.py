@@ -15,12 +15,8 @@ from ambid.identification import ParameterEstimate
 from ambid.noise.chance import ADEQUATE
 from ambid.plot.style import misfit_text
 
-PREFIXED = re.compile(r"(s|m|N|A|Hz|rad)(?=$|[ /])")
-"""A unit that may carry a prefix: its first symbol to the power of one."""
 OWN_UNITS = {"kg m": (-6, "g mm")}
 """Units that balancing machines and their standards use, and their powers of ten."""
-SMALL = 1e-3
-"""Below, a value whose unit carries no prefix is written with a power of ten."""
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -78,7 +74,8 @@ def prefixed(value: float, unit: str) -> tuple[int, str]:
     if unit in OWN_UNITS:
         return OWN_UNITS[unit]
     power = 0
-    if PREFIXED.match(unit) and value != 0.0 and np.isfinite(value):
+    # the first symbol of a unit may carry a prefix, to the power of one
+    if re.match(r"(s|m|N|A|Hz|rad)(?=$|[ /])", unit) and value != 0.0 and np.isfinite(value):
         power = int(np.clip(3 * np.floor(np.log10(abs(value)) / 3.0), -9, 9))
     return power, "" if unit == "1" else f"{PREFIXES[power]}{unit}"
 
@@ -153,7 +150,7 @@ class Row:
 def _with_power(value: float, unit: str) -> tuple[int, str]:
     """As `prefixed`; small values whose unit carries no prefix have a power of ten before it."""
     power, name = prefixed(value, unit)
-    if power or not 0.0 < abs(value) < SMALL:
+    if power or not 0.0 < abs(value) < 1e-3:
         return power, name
     power = int(3 * np.floor(np.log10(abs(value)) / 3.0))
     return power, f"10{str(power).translate(SUPERSCRIPT)} {name}".rstrip()

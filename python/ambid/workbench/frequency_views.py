@@ -13,13 +13,12 @@ from ambid.errors import InputError, ModelError, RecordError
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.responses import Responses, frequency_responses
-from ambid.plot.matrix import SIGNS
+from ambid.plot.misfit import SIGNS
 from ambid.plot.responses import HIDDEN, SIGMAS, unbroken, unit_of
 from ambid.plot.style import short_number, shown_in
 from ambid.results import plain
-from ambid.workbench.places import chart, column_of, input_of, place_of, thinned
 from ambid.workbench.session import KEPT, Session
-from ambid.workbench.views import LEVELS
+from ambid.workbench.views import LEVELS, chart, column_of, input_of, place_of, thinned
 
 WORDS = {1: ", real part positive", -1: ", real part negative", 0: ""}
 _one_at_a_time = Lock()

@@ -1,6 +1,12 @@
-"""The page's calls, as JSON: each is one method of a session, or a view of it."""
+"""The page's calls, as JSON: each is one method of a session, or a view of it; and who may make them.
+
+That is this machine's browser on this page, and nobody else. Another page in the same browser can send requests to
+127.0.0.1; it knows neither the token, nor can it forge `Host` and `Origin`, which the browser writes. A name that an
+attacker points at 127.0.0.1 is not among the hosts.
+"""
 
 import json
+import secrets
 from collections.abc import Awaitable, Callable
 from importlib.resources import files
 from math import isfinite
@@ -9,15 +15,15 @@ from typing import Any
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
 from starlette.requests import Request
-from starlette.responses import FileResponse, JSONResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Route
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from ambid.errors import AmbidError, InputError, StaleWindow
 from ambid.workbench import frequency_views, views
 from ambid.workbench.exporting import as_model_file, as_python
-from ambid.workbench.guard import Guard
 from ambid.workbench.session import Session
 from ambid.workbench.windows import Window, Windows
 
@@ -25,7 +31,17 @@ PAGE = Path(__file__).parent / "page"
 ASSETS = tuple(sorted(path.name for path in PAGE.iterdir() if path.suffix in (".js", ".css")))
 LARGEST_BODY = 10_000
 """Bytes of a call; none is longer than a few names and numbers."""
-
+HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "cache-control": "no-store",
+}
+"""Of every answer. Inline styles are what the charts' library writes; nothing is loaded from elsewhere."""
 
 Json = dict[str, Any]
 Answer = Callable[[Window, Json], Json | Response]
@@ -128,18 +144,6 @@ def _move(window: Window, given: Json) -> None:
     window.go(_whole(given, "revision"), lambda session: session.move(name, value))
 
 
-def _undo(window: Window, given: Json) -> None:
-    window.go(_whole(given, "revision"), lambda session: session.undo())
-
-
-def _fit(window: Window, given: Json) -> None:
-    window.start(_whole(given, "revision"), "fit", lambda session, progress: session.fit(progress))
-
-
-def _rank(window: Window, given: Json) -> None:
-    window.start(_whole(given, "revision"), "rank", lambda session, progress: session.ranked(progress))
-
-
 def _add(window: Window, given: Json) -> None:
     name = str(_given(given, "name"))
     window.start(_whole(given, "revision"), f"add {name}", lambda session, progress: session.add(name, progress))
@@ -170,9 +174,9 @@ ASKED: dict[str, Answer] = {
 """Further calls that change nothing, about the step as it is now."""
 DONE: dict[str, Do] = {
     "move": _move,
-    "undo": _undo,
-    "fit": _fit,
-    "rank": _rank,
+    "undo": lambda window, given: window.go(_whole(given, "revision"), Session.undo),
+    "fit": lambda window, given: window.start(_whole(given, "revision"), "fit", Session.fit),
+    "rank": lambda window, given: window.start(_whole(given, "revision"), "rank", Session.ranked),
     "add": _add,
     "remove": _remove,
     "report": lambda window, given: window.start_report(_whole(given, "revision")),
@@ -243,3 +247,51 @@ def _download(name: str, media_type: str, content: bytes) -> Response:
 def _plotly() -> Path:
     """The charts' library, as its package brings it."""
     return Path(str(files("plotly"))) / "package_data" / "plotly.min.js"
+
+
+class Guard:
+    """Refuses requests under another host name, from another origin, or without the token in the path.
+
+    Parameters
+    ----------
+    app : callable
+        Sees only what may pass.
+    token : str
+        First part of every path.
+    port : int
+        That the server listens at.
+    """
+
+    def __init__(self, app: ASGIApp, token: str, port: int) -> None:
+        self.app, self.token = app, token
+        self.hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer as ASGI has it."""
+        if scope["type"] == "lifespan":
+            await self.app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return  # there is no other way to speak to this server
+
+        async def send_guarded(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                own = [(name.encode(), value.encode()) for name, value in HEADERS.items()]
+                message["headers"] = [*message["headers"], *own]
+            await send(message)
+
+        why = self._why_not(Headers(scope=scope), scope["path"])
+        await (PlainTextResponse(why, 403) if why else self.app)(scope, receive, send_guarded)
+
+    def _why_not(self, headers: Headers, path: str) -> str:
+        """Why a request is refused; empty where it may pass."""
+        if headers.get("host", "") not in self.hosts:
+            return "refused: this host name is not the workbench's"
+        origin = headers.get("origin")
+        if origin is not None and origin.removeprefix("http://") not in self.hosts:
+            return "refused: the request comes from another origin"
+        if headers.get("sec-fetch-site", "") not in ("", "same-origin", "none"):  # by this page, or the address bar
+            return "refused: the request comes from another site"
+        if not secrets.compare_digest(path.removeprefix("/").partition("/")[0].encode(), self.token.encode()):
+            return "refused: the token is wrong; open the address that the command printed"
+        return ""
