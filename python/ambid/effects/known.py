@@ -11,7 +11,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
+from ambid.effects.places import about, moved_along, of_two_axes
 from ambid.effects.rotor import RotorInertiaError, divide_forces, kept_modes
 from ambid.effects.sensor import SamplingSkew, SensorMisalignment, SensorPositionError
 from ambid.effects.slips import LEAST, ControllerGainError
@@ -171,19 +171,21 @@ class KnownPosition(_AlongShaft):
     equation = "s and v of z + dz, and the force acts there"
 
     def positions(self, rig: Rig) -> Sequence[float]:
-        """A millimetre to each side of every magnet: their shapes give the slope."""
-        return on_both_sides(rig, [b.position for b in rig.bearings], 1e-3)
+        """Some about every magnet, between which the shapes are known."""
+        return about(rig, [b.position for b in rig.bearings])
 
     def attach(self, plant: Plant) -> None:
-        """Exact to first order in the offset."""
-        for bearing, axis, slope in slopes_along(plant, self.positions(plant.rig)):
-            for signal, of in (("s", "eta"), ("v", "eta_rate")):
-                tilt = combine(slope, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
-                plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), tilt))
-            moved = plant.port(self.slot(bearing.name), plant[f"f.{axis}"])
-            for k, onto in enumerate(slope):
-                if onto:
-                    plant.inject(f"modal_force.{k}", onto * moved)
+        """Exact to third order in the offset, as the shapes of beams are between nodes."""
+        own = [b.position for b in plant.rig.bearings]
+        for bearing, axis, parts in moved_along(plant, own, self.positions(plant.rig)):
+            for power, part in enumerate(parts, 1):
+                for signal, of in (("s", "eta"), ("v", "eta_rate")):
+                    moved = combine(part, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
+                    plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), moved, power=power))
+                force = plant.port(self.slot(bearing.name), plant[f"f.{axis}"], power=power)
+                for k, onto in enumerate(part):
+                    if onto:
+                        plant.inject(f"modal_force.{k}", onto * force)
 
 
 @dataclass(frozen=True)

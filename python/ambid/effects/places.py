@@ -14,6 +14,10 @@ from ambid.rig import Bearing, FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
 
+REACH = 5e-3
+"""Distance [m] to which the shapes about a place are looked at that may lie elsewhere: ten times its usual tolerance."""
+
+
 def size_of_stiffness(rig: Rig) -> float:
     """Mean size of K_s [N/m], by which forces to ground are probed."""
     return float(np.mean([abs(k) for b in rig.bearings for k in b.force_displacement]))
@@ -54,12 +58,13 @@ def likely_places(rig: Rig) -> list[float]:
     return sorted({round(half_way(rig), 9), *disks})
 
 
-def on_both_sides(rig: Rig, places: Iterable[float], step: float) -> list[float]:
-    """A step below and above each place, as far as the shaft reaches [m]; none of a point mass."""
+def about(rig: Rig, places: Iterable[float]) -> list[float]:
+    """Four places about each place, evenly apart, as far as the shaft reaches [m]; none of a point mass."""
     if isinstance(rig.rotor, PointMassRotor):
         return []
     low, high = rig.rotor.span
-    return [float(np.clip(z + d, low, high)) for z in places for d in (-step, step)]
+    ends = [(max(low, z - REACH), min(high, z + REACH)) for z in places]
+    return [float(z) for first, last in ends for z in np.linspace(first, last, 5)[[0, 1, 3, 4]]]
 
 
 def of_two_axes(rig: Rig) -> list[Bearing]:
@@ -67,14 +72,27 @@ def of_two_axes(rig: Rig) -> list[Bearing]:
     return [bearing for bearing in rig.bearings if len(bearing.axes) == 2]
 
 
-def slopes_along(plant: Plant, positions: Iterable[float]) -> Iterator[tuple[Bearing, str, FloatArray]]:
-    """Bearing, axis, and slope of the shapes along the shaft, of every axis; two positions a bearing."""
-    at, directions = iter(positions), dict(zip(plant.axes, plant.directions, strict=True))
-    for bearing in plant.rig.bearings:
-        below, above = next(at), next(at)
+def moved_along(
+    plant: Plant, places: Sequence[float], positions: Sequence[float]
+) -> Iterator[tuple[Bearing, str, list[FloatArray]]]:
+    """Bearing, axis, and what the first three powers of a distance from its place bring to the shapes there.
+
+    Parameters
+    ----------
+    places : sequence of float
+        Of each bearing [m].
+    positions : sequence of float
+        Four about each, see `about`.
+    """
+    directions = dict(zip(plant.axes, plant.directions, strict=True))
+    for k, (bearing, z) in enumerate(zip(plant.rig.bearings, places, strict=True)):
+        near = positions[4 * k : 4 * k + 4]
+        distance = (np.array(near) - z) / REACH
         for axis in bearing.axis_names:
-            apart = plant.shape(above, directions[axis]) - plant.shape(below, directions[axis])
-            yield bearing, axis, apart / (above - below)
+            here, *others = (plant.shape(at, directions[axis]) for at in (z, *near))
+            powers = distance[:, None] ** [1, 2, 3]
+            found = np.linalg.lstsq(powers, np.array(others) - here)[0]
+            yield bearing, axis, [own / REACH**power for power, own in enumerate(found, 1)]
 
 
 def acting_at(plant: Plant, z: float | None) -> dict[float, dict[str, FloatArray]]:

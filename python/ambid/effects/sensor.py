@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from ambid.effects.places import of_two_axes, on_both_sides, slopes_along
+from ambid.effects.places import about, moved_along, of_two_axes
 from ambid.effects.traits import CURVATURE, GAIN_OF_READING, LAG_OF_CURRENT, LAG_OF_READING, LAG_ROUND_LOOP
 from ambid.loop.assembly import combine
 from ambid.loop.effect import Effect, EffectParameter, Seen, Trait
@@ -151,7 +151,7 @@ class SensorMisalignment(Effect):
 
     name = "sensor_misalignment"
     physics = "the sensors of a bearing are rotated against its magnets"
-    equation = "y_zeta = true y_zeta + a true y_eta, y_eta = true y_eta - a true y_zeta"
+    equation = "y_zeta = cos(a) true y_zeta + sin(a) true y_eta, y_eta = cos(a) true y_eta - sin(a) true y_zeta"
     signature = "zeta answers eta with opposite sign to eta answering zeta, in y of one bearing"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 8"
     across_planes = True
@@ -169,12 +169,14 @@ class SensorMisalignment(Effect):
         ]
 
     def attach(self, plant: Plant) -> None:
-        """Exact to first order in the angle."""
+        """Exact to third order in the angle."""
         for bearing in of_two_axes(plant.rig):
             zeta, eta = (f"turned.{axis}" for axis in bearing.axis_names)
             slot = self.slot(f"angle_{bearing.name}")
-            plant.inject(zeta, plant.port(slot, plant.raw(eta)))
-            plant.inject(eta, plant.port(slot, plant.raw(zeta), scale=-1.0))
+            for own, other, sign in ((zeta, eta, 1.0), (eta, zeta, -1.0)):
+                plant.inject(own, plant.port(slot, plant.raw(other), scale=sign))
+                plant.inject(own, plant.port(slot, plant.raw(own), power=2, scale=-1.0 / 2.0))
+                plant.inject(own, plant.port(slot, plant.raw(other), power=3, scale=-sign / 6.0))
 
 
 @dataclass(frozen=True)
@@ -183,10 +185,9 @@ class SensorPositionError(Effect):
 
     name = "sensor_position_error"
     physics = "the sensors of a bearing read the rotor at another z than the rig file says"
-    equation = "y = y_true + dz (d shape/dz) eta"
+    equation = "y = shape(z + dz) eta"
     signature = "rigid-body modes seen in other proportions at one bearing, both planes alike"
     source = "Schweitzer, Maslen (eds.), Magnetic Bearings, 2009, chapter 12"
-    step = 1e-3
 
     def why_not(self, rig: Rig) -> str:
         """A mass on one axis, or a rotor whose shapes are not known beside the sensors."""
@@ -204,18 +205,20 @@ class SensorPositionError(Effect):
         ]
 
     def positions(self, rig: Rig) -> Sequence[float]:
-        """A millimetre to each side of every sensor: their shapes give the slope."""
-        return on_both_sides(rig, [b.sensor_position for b in rig.bearings], self.step)
+        """Some about every sensor, between which the shapes are known."""
+        return about(rig, [b.sensor_position for b in rig.bearings])
 
     def traits(self, rig: Rig, values: Mapping[str, float]) -> Mapping[Trait, float]:
         """Another gain for every shape of the rotor."""
         return {GAIN_OF_READING: float("nan")}
 
     def attach(self, plant: Plant) -> None:
-        """Exact to first order in the offset."""
-        for bearing, axis, slope in slopes_along(plant, self.positions(plant.rig)):
-            tilt = combine(slope, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
-            plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), tilt))
+        """Exact to third order in the offset, as the shapes of beams are between nodes."""
+        own = [b.sensor_position for b in plant.rig.bearings]
+        for bearing, axis, parts in moved_along(plant, own, self.positions(plant.rig)):
+            for power, part in enumerate(parts, 1):
+                moved = combine(part, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
+                plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), moved, power=power))
 
 
 @dataclass(frozen=True)
