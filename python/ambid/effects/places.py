@@ -13,9 +13,8 @@ from ambid.loop.plant import Plant
 from ambid.rig import Bearing, FiniteElementRotor, PointMassRotor, Rig
 from ambid.rotor import further_modes
 
-
 REACH = 5e-3
-"""Distance [m] to which the shapes about a place are looked at that may lie elsewhere: ten times its usual tolerance."""
+"""Distance [m] to which the shapes about a place are looked at that may be elsewhere: ten times its usual tolerance."""
 
 
 def size_of_stiffness(rig: Rig) -> float:
