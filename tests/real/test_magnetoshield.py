@@ -36,7 +36,7 @@ def test_the_published_controller_did_not_make_this_record(shown):
 
 
 def test_a_lag_and_the_instants_of_reading_are_missing(shown):
-    """What they leave of rows kept back, 1.5 % of what they explain, is about what formulas may: the word may be either."""
+    """They leave 1.5 % of what they explain of rows kept back, about what formulas may: the word may be either."""
     found = shown[2]
     assert found.verdict in ("explained", "none_of_the_candidates")
     best = found.history[-1]
