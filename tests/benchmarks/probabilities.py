@@ -53,6 +53,8 @@ SETS = 8
 """So many of a diagnosis are kept."""
 SURE, CERTAIN = 0.9, 0.98
 FLOOR = 1e-4
+DRAWS = 200
+"""Of what would come true, were the statements calibrated."""
 SMALL, NOT_SEEN = 0.03, 3e-3
 """Part of J/dof beyond 1 of which shares are told, and the least of these."""
 
@@ -211,7 +213,11 @@ def report(rows: list[Row], table: Path | None, picture: Path | None) -> None:
     print(aligned(head, lines))
     print(f"{len(rows)} machines, {len(rows) - len(drawn)} skipped or failed, {len(said)} listed statements")
     print(f"{len(drawn) - len(kept)} apart whose hidden effect is louder noise, to any diagnosis")
-    print(f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}")
+    drawn_again = np.random.default_rng(0).random((DRAWS, len(p))) < p
+    by_chance = np.mean([np.abs(p - isotonic_regression(own.astype(float)).x).mean() for own in drawn_again])
+    print(
+        f"expected calibration error {np.mean(np.abs(p - calibrated)):.4f}; {by_chance:.4f} were all of them calibrated"
+    )
     certain = [s for s in said if s.p >= CERTAIN and s.name not in ("nothing", "something_else")]
     print(f"{len(certain)} effects of {CERTAIN:.0%} and more, {sum(not s.is_true for s in certain)} not there")
     shares = [share_left(row) for row in kept if row["kind"] == "outside" and row["misfits"][0] > 1.0 + SMALL]
