@@ -310,9 +310,18 @@ def _change(fit: Comparison, residual: FloatArray, k: int, size: float) -> Float
     The derivatives of a stiff law, such as dry friction, may grow from step to step where its value does not.
     """
     theta = fit.model.theta
-    part = PART if theta[k] + PART * size <= fit.model.parameters[k].upper else -PART
-    theta[k] += part * size
-    return (residual - fit.noise.residual(fit.model.with_theta(theta))) / part
+
+    def by(part: float) -> FloatArray:
+        moved = theta.copy()
+        moved[k] += part * size
+        return (residual - fit.noise.residual(fit.model.with_theta(moved))) / part
+
+    if theta[k] + PART * size > fit.model.parameters[k].upper:
+        return by(-PART)
+    try:
+        return by(PART)
+    except UnstableLoopError:  # at the edge of stability, which the other side leads away from
+        return by(-PART)
 
 
 def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int]]:
