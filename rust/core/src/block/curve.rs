@@ -83,10 +83,15 @@ impl Shape {
     /// B of both magnets with its derivatives.
     #[inline(always)]
     pub fn flux<const FMA: bool>(&self, x: Pair) -> [Flux; 2] {
-        let Self { curve, sigma, n } = *self;
-        if let Some(curve) = curve.squared() {
-            return Self { curve, ..*self }.flux::<FMA>(x).map(Flux::root);
-        }
+        let root = self.curve.squared();
+        let [first, second] = self.plain::<FMA>(root.unwrap_or(self.curve), x);
+        if root.is_some() { [first.root(), second.root()] } else { [first, second] }
+    }
+
+    /// The same of a curve that is no root.
+    #[inline(always)]
+    fn plain<const FMA: bool>(&self, curve: Curve, x: Pair) -> [Flux; 2] {
+        let Self { sigma, n, .. } = *self;
         match curve {
             Curve::Tanh if sigma != 0.0 => {
                 let t = tanh::<FMA>([sigma * x[0], sigma * x[1]]);
