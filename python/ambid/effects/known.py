@@ -177,11 +177,15 @@ class KnownPosition(_AlongShaft):
     def attach(self, plant: Plant) -> None:
         """Exact to third order in the offset, as the shapes of beams are between nodes."""
         own = [b.position for b in plant.rig.bearings]
+        read = [
+            (signal, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
+            for signal, of in (("s", "eta"), ("v", "eta_rate"))
+        ]
         for bearing, axis, parts in moved_along(plant, own, self.positions(plant.rig)):
             for power, part in enumerate(parts, 1):
-                for signal, of in (("s", "eta"), ("v", "eta_rate")):
-                    moved = combine(part, [plant[f"{of}.{k}"] for k in range(plant.coordinates)])
-                    plant.inject(f"{signal}.{axis}", plant.port(self.slot(bearing.name), moved, power=power))
+                for signal, of_modes in read:
+                    moved = plant.port(self.slot(bearing.name), combine(part, of_modes), power=power)
+                    plant.inject(f"{signal}.{axis}", moved)
                 force = plant.port(self.slot(bearing.name), plant[f"f.{axis}"], power=power)
                 for k, onto in enumerate(part):
                     if onto:

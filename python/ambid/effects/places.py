@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -11,7 +12,7 @@ from ambid.loop.effect import Effect, Seen
 from ambid.loop.geometry import rotor_of, why_unknown
 from ambid.loop.plant import Plant
 from ambid.rig import Bearing, FiniteElementRotor, PointMassRotor, Rig
-from ambid.rotor import further_modes
+from ambid.rotor import ReducedRotor, further_modes
 
 REACH = 5e-3
 """Distance [m] to which the shapes about a place are looked at that may be elsewhere: ten times its usual tolerance."""
@@ -85,13 +86,18 @@ def moved_along(
     """
     directions = dict(zip(plant.axes, plant.directions, strict=True))
     for k, (bearing, z) in enumerate(zip(plant.rig.bearings, places, strict=True)):
-        near = positions[4 * k : 4 * k + 4]
-        distance = (np.array(near) - z) / REACH
+        powers = _powers(plant.rotor, z, tuple(positions[4 * k : 4 * k + 4]))
         for axis in bearing.axis_names:
-            here, *others = (plant.shape(at, directions[axis]) for at in (z, *near))
-            powers = distance[:, None] ** [1, 2, 3]
-            found = np.linalg.lstsq(powers, np.array(others) - here)[0]
-            yield bearing, axis, [own / REACH**power for power, own in enumerate(found, 1)]
+            yield bearing, axis, [np.kron(directions[axis], own) for own in powers]
+
+
+@lru_cache(maxsize=64)
+def _powers(rotor: ReducedRotor, z: float, near: tuple[float, ...]) -> list[FloatArray]:
+    """What the first three powers of a distance from z bring to the shape of each mode there, by the shapes nearby."""
+    distance = (np.array(near) - z) / REACH
+    others = np.array([rotor.shape(at) for at in near]) - rotor.shape(z)
+    found = np.linalg.lstsq(distance[:, None] ** [1, 2, 3], others)[0]
+    return [own / REACH**power for power, own in enumerate(found, 1)]
 
 
 def acting_at(plant: Plant, z: float | None) -> dict[float, dict[str, FloatArray]]:

@@ -215,10 +215,11 @@ class SensorPositionError(Effect):
     def attach(self, plant: Plant) -> None:
         """Exact to third order in the offset, as the shapes of beams are between nodes."""
         own = [b.sensor_position for b in plant.rig.bearings]
+        eta = [plant[f"eta.{k}"] for k in range(plant.coordinates)]
         for bearing, axis, parts in moved_along(plant, own, self.positions(plant.rig)):
             for power, part in enumerate(parts, 1):
-                moved = combine(part, [plant[f"eta.{k}"] for k in range(plant.coordinates)])
-                plant.inject(f"at_sensor.{axis}", plant.port(self.slot(f"offset_{bearing.name}"), moved, power=power))
+                moved = plant.port(self.slot(f"offset_{bearing.name}"), combine(part, eta), power=power)
+                plant.inject(f"at_sensor.{axis}", moved)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from ambid.loop.assembly import Lft, Port
 from ambid.loop.delay import with_late_commands
 from ambid.loop.plant import HEARD
 from ambid.loop.response import frequency_response
-from ambid.rig import Rig
+from ambid.rig import Controller, Rig
 
 
 @dataclass(frozen=True)
@@ -84,12 +85,19 @@ def law_errors(plant: Lft, rig: Rig) -> list[LawError]:
     found = []
     acts = np.eye(len(rig.axes)) if plant.excitation is None else plant.excitation
     for error in plant.gain_errors:
-        c, d = rig.controller.part_of(error.gain, len(rig.axes), rig.sample_rate)
+        c, d = _part_of(rig.controller, error.gain, len(rig.axes), rig.sample_rate)
         excitation = acts * np.isin(rig.axes, error.axes)
-        own = LawError(error.slot, *map(np.ascontiguousarray, (c, d, excitation)))
+        own = LawError(error.slot, c, d, np.ascontiguousarray(excitation))
         if any(part.any() for part in (c, d, excitation)):
             found.append(own)
     return found
+
+
+@lru_cache(maxsize=64)
+def _part_of(controller: Controller, gain: str, axes: int, sample_rate: float) -> tuple[FloatArray, FloatArray]:
+    """See `Controller.part_of`, as the core wants it; many loops have the same controller."""
+    c, d = controller.part_of(gain, axes, sample_rate)
+    return np.ascontiguousarray(c), np.ascontiguousarray(d)
 
 
 def close_analog(
