@@ -17,6 +17,8 @@ from hidden.experiment import experiment
 from hidden.families import BENCHES
 from hidden.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS
+from hidden.strangers import stranger
+from hidden.tolerances import machine_off
 from tiers import first_fast
 
 ONE = pytest.approx(1.0, abs=0.02)
@@ -237,6 +239,18 @@ def test_a_clock_is_told_with_its_size_and_sign(bench, ppm):
     (clock,) = [found for found in findings if found.code == "clock_difference"]
     assert clock.values["difference"] == pytest.approx(1e-6 * ppm, rel=0.05)
     assert stops_diagnosis(clock)
+
+
+def test_noise_that_rings_and_wanders_is_no_clock():
+    """A spindle drawn at random, whose noise stands at its lowest lines and at a pole, where it is alike from period to
+    period: what it shifts one against the other by stands out from white noise of its power by ten standard errors."""
+    bench = replace(stranger(88654), order=8)
+    off = machine_off(bench.rig, 88654)
+    hidden = {"bending_mode_shift": {"frequency_factor": 1.01}}
+    for k in range(2):
+        i_e = bench.excitation(0.0763, 88654 + k)
+        record = off.record(i_e, 177308 + k, hidden, period=bench.period, **bench.truth, **bench.noise)
+        assert not [own for own in out_of_step(record, NominalLoop(off.known)) if isinstance(own, Clock)]
 
 
 def test_a_clock_is_told_where_the_nominal_loop_is_unstable():
