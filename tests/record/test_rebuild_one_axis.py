@@ -65,9 +65,11 @@ def test_the_mean_of_what_is_rebuilt_has_the_unit_of_commands():
 
 
 @pytest.mark.parametrize(
-    ("late", "code"), [(1, "command_before_delay"), (0, "controller_delay_not_seen")], ids=["delayed", "at once"]
+    ("late", "stated", "code"),
+    [(1, 1, "command_before_delay"), (0, 1, "controller_delay_not_seen"), (1, 2, "controller_delay_not_seen")],
+    ids=["delayed", "at once", "delayed by less"],
 )
-def test_what_follows_a_command_that_the_law_makes_at_once_is_seen_by_the_current(late, code):
+def test_what_follows_a_command_that_the_law_makes_at_once_is_seen_by_the_current(late, stated, code):
     own, waiting = pid(*GAINS, RATE), [0.0] * late
     commands = []
 
@@ -78,7 +80,8 @@ def test_what_follows_a_command_that_the_law_makes_at_once_is_seen_by_the_curren
 
     r = 2e-4 * np.repeat(np.random.default_rng(5).standard_normal(SAMPLES // 100), 100)
     found = TRUTH.run(RATE, law, r, np.zeros(SAMPLES), noise=(1e-6, 1e-4))
-    of_reference = rig().replace(controller=rig().controller.model_copy(update={"reference": True}))
+    as_stated = {"reference": True, "delay_samples": float(stated)}
+    of_reference = rig().replace(controller=rig().controller.model_copy(update=as_stated))
     taken = Record.from_arrays(
         y=found["y"],
         i_c=found["i_c"],
@@ -89,4 +92,4 @@ def test_what_follows_a_command_that_the_law_makes_at_once_is_seen_by_the_curren
         rig=of_reference,
     )
     assert taken.excitation_source == "assumed_zero"
-    assert code in codes(taken)
+    assert the(taken, code).values.get("seen_samples", late) == late

@@ -25,7 +25,7 @@ DELAY_NOT_SEEN = Kind(
     "controller_delay_not_seen",
     "warning",
     "delay_samples = {delay_samples:g} in the rig file, but the recorded command follows what the controller reads by "
-    "{late_samples} samples, and i_c follows the command without a delay (log likelihood ratio "
+    "{late_samples} samples, and i_c follows the command by {seen_samples} (log likelihood ratio "
     "{log_likelihood_ratio:.0f})",
     "check delay_samples: it is the delay of the sum -(K y) + i_e, from reading y to the output",
 )
@@ -43,14 +43,14 @@ class CommandDelay(NamedTuple):
     findings: tuple[Finding, ...] = ()
 
     @classmethod
-    def of(cls, delay_samples: float, by_law: bool | None, by_current: float | None) -> CommandDelay:
+    def of(cls, delay_samples: float, by_law: bool | None, by_current: tuple[int, float] | None) -> CommandDelay:
         """Both judgements together: the law shows where the command stands, i_c whether a delay follows it."""
-        whole, ratio = int(delay_samples), by_current or 0.0
+        whole, (seen, ratio) = int(delay_samples), by_current or (0, 0.0)
         if by_law is False or (by_law is None and ratio < SURE):
             return cls(whole)
         own: dict[str, Any] = {"delay_samples": delay_samples, "late_samples": 0}
         if ratio < -SURE:
-            return cls(0, (DELAY_NOT_SEEN(**own, log_likelihood_ratio=-ratio),))
+            return cls(0, (DELAY_NOT_SEEN(**own, seen_samples=seen, log_likelihood_ratio=-ratio),))
         return cls(0, (BEFORE_DELAY(**own, log_likelihood_ratio=ratio if ratio > SURE else None),))
 
 
@@ -74,23 +74,22 @@ def by_law(at_once: FloatArray, delayed: FloatArray, rounding: FloatArray, perio
     return left[0] < left[1]
 
 
-def by_current(rig: Rig, rate: float, i_ref: FloatArray, i_c: FloatArray, y: FloatArray, whole: int) -> float:
-    """Log likelihood ratio of a current that follows a command so many samples old, over one that follows it at once.
+def by_current(
+    rig: Rig, rate: float, i_ref: FloatArray, i_c: FloatArray, y: FloatArray, whole: int
+) -> tuple[int, float]:
+    """Of the delays shorter than so many samples the one by which i_c follows a command most likely, and the log
+    likelihood ratio of the whole delay over it.
 
     The amplifier's lag is simulated, and its time constant, its gain and what motion induces are free.
     """
-    tau = rig.amplifier.time_constant
-    ratio = 0.0
+    tau, log_left = rig.amplifier.time_constant, np.zeros(whole + 1)
     for command, current, motion in zip(i_ref.T, i_c.T, y.T, strict=True):
-        left = [
-            min(_missed(command, current, motion, factor * tau, rate, late) for factor in (LAGS if tau else (1.0,)))
-            for late in (0, whole)
-        ]
-        if left[1] > 0.0:
-            ratio += 0.5 * len(current) * float(np.log(max(left[0], 1e-300) / left[1]))
-        elif left[0] > 0.0:
-            ratio = np.inf
-    return ratio
+        for late in range(whole + 1):
+            lags = (factor * tau for factor in (LAGS if tau else (1.0,)))
+            left = min(_missed(command, current, motion, lag, rate, late) for lag in lags)
+            log_left[late] += 0.5 * len(current) * float(np.log(max(left, 1e-300)))
+    seen = int(np.argmin(log_left[:whole]))
+    return seen, float(log_left[seen] - log_left[whole])
 
 
 def _missed(command: FloatArray, current: FloatArray, motion: FloatArray, tau: float, rate: float, late: int) -> float:
