@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from ambid.diagnosis.localisation import Cell
-from ambid.diagnosis.result import EXPLAINED_BY_POINT, GOOD_ENOUGH, MOSTLY_EXPLAINED, Step
+from ambid.diagnosis.result import EXPLAINED_BY_POINT, GOOD_ENOUGH, MOSTLY_EXPLAINED, STOPPED, Step
 from ambid.diagnosis.verdict import Verdict
 from ambid.findings import NOWHERE, Finding, Kind, Where
 from ambid.noise import Noise
@@ -78,9 +78,6 @@ NO_PERIODS = Kind(
     "note",
     "i_e does not repeat, or not often enough to see it: the noise is what no smooth response to i_e explains, and "
     "drift was not searched for",
-)
-STOPPED = Kind(
-    "search_stopped", "warning", "stopped after the steps above: more may be missing, and rivals were not compared"
 )
 
 

@@ -62,6 +62,7 @@ GOOD_ENOUGH = Kind(
 )
 MEANINGS = (MOSTLY_EXPLAINED, EXPLAINED_BY_POINT, GOOD_ENOUGH)
 """Findings that take the place of the verdict's meaning, where more than noise is left."""
+STOPPED = Kind("search_stopped", "warning", "stopped before the end: more may be missing, and rivals were not compared")
 MEND = Kind(
     "next_mend",
     "note",
@@ -295,8 +296,9 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     @property
     def meaning(self) -> str:
         """What the verdict says, in a sentence; where more than noise is left, how much and where."""
-        own = (finding.message for finding in self.findings if finding.kind in MEANINGS)
-        return next(own, VERDICTS[self.verdict])
+        stopped = [finding.message for finding in self.findings if finding.kind is STOPPED]
+        own = [finding.message for finding in self.findings if finding.kind in MEANINGS]
+        return "; ".join([*stopped, *(own[:1] or [VERDICTS[self.verdict]])])
 
     @property
     def next_step(self) -> Finding:
@@ -398,7 +400,7 @@ class Diagnosis(ByValue, WithFindings, Tabular):
     @property
     def _further(self) -> list[Finding]:
         """All of these but that which is the meaning."""
-        return [finding for finding in self._to_report if finding.kind not in MEANINGS]
+        return [finding for finding in self._to_report if finding.kind not in (*MEANINGS, STOPPED)]
 
     def save(self, path: str | Path) -> None:
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""

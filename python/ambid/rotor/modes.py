@@ -314,7 +314,8 @@ def _bending_modes(model: BeamModel, rigid: FloatArray, count: int) -> tuple[Flo
     if not held_hz < _FREE * first_hz:
         raise RigError(
             f"rotor.K holds the rigid rotor (natural frequency {held_hz:g} Hz; allowed is {_FREE:g} of the first "
-            f"bending frequency, {first_hz:g} Hz). Leave bearings and supports out of K."
+            f"bending frequency, {first_hz:g} Hz). Leave bearings and supports out of K; a spring to ground is a "
+            "[[rotor.support]]."
         )
     # The solver's error grows with the highest frequency of the mesh; freeing the shapes from rigid motion, and a
     # second, small problem on them, make them orthogonal to machine precision.
