@@ -137,7 +137,7 @@ def rotor_from_ross(
     if rest or freedoms not in LATERAL:
         raise RigError(
             f"rotor: matrices of {len(M)} rows for {len(z)} nodes; expected 4 or 6 freedoms a node, and no other nodes "
-            "than those of the shaft; make the ross.Rotor without n_link of its bearings, and give what holds it as Support"
+            "than those of the shaft; make the ross.Rotor without n_link, and give what holds it as Support"
         )
     kept = (freedoms * np.arange(len(z))[:, None] + np.array(LATERAL[freedoms])).ravel()
     M, K, G, C = (matrix[np.ix_(kept, kept)] for matrix in (M, K, G, C))
