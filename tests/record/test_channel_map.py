@@ -223,3 +223,42 @@ def test_columns_of_different_length(tmp_path, foreign, golden):
     scipy.io.savemat(tmp_path / "scope.mat", short)
     with golden.raises(RecordError):
         Record.load(tmp_path / "scope.mat", RIG, mapping=MAP)
+
+
+@pytest.mark.parametrize("is_within", [False, True])
+def test_an_array_of_structures_of_v73_has_the_names_of_v5(tmp_path, foreign, record, is_within):
+    """MATLAB stores a set of references a member; of structures within structures too."""
+    h5py = pytest.importorskip("h5py")
+    values = [{"unit": column} if is_within else column for column in foreign.values()]
+    array = np.zeros((1, len(values)), dtype=[("name", object), ("note", object), ("value", object)])
+    for k, (name, value) in enumerate(zip(foreign, values, strict=True)):
+        array[0, k] = name, np.empty((0, 0)), value
+    scipy.io.savemat(tmp_path / "v5.mat", {"ch": array})
+    with h5py.File(tmp_path / "v73.mat", "w", userblock_size=512) as file:
+
+        def stored(place, kind, data):
+            made = file.create_group(place) if data is None else file.create_dataset(place, data=data)
+            made.attrs["MATLAB_class"] = np.bytes_(kind)
+            return made
+
+        channels = stored("ch", "struct", None)
+        for member in array.dtype.names:
+            channels.create_dataset(member, (len(values), 1), dtype=h5py.ref_dtype)
+        for k, (name, column) in enumerate(foreign.items()):
+            empty = stored(f"#refs#/e{k}", "double", np.zeros(2, dtype=np.uint64))
+            empty.attrs["MATLAB_empty"] = np.uint8(1)
+            value = stored(f"#refs#/v{k}", "struct" if is_within else "double", None if is_within else column[None, :])
+            if is_within:
+                stored(f"#refs#/v{k}/unit", "double", column[None, :])
+            text = stored(f"#refs#/n{k}", "char", np.array([[ord(letter)] for letter in name], dtype=np.uint16))
+            for member, own in (("name", text), ("note", empty), ("value", value)):
+                channels[member][k, 0] = own.ref
+    with open(tmp_path / "v73.mat", "r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file")
+    end = ".unit" if is_within else ""
+    places = {name: f"ch[{k}].value{end}" for k, name in enumerate(foreign, start=1)}
+    mapping = {channel: f"{places[own.partition(':')[0]]}:{own.partition(':')[2]}" for channel, own in MAP.items()}
+    for own in ("v5", "v73"):
+        found = Record.load(tmp_path / f"{own}.mat", RIG, mapping=mapping)
+        assert_same(found, record)
+        assert "columns_not_used" not in codes(found)

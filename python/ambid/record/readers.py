@@ -165,31 +165,49 @@ def _read_hdf5(path: Path) -> Iterator[Content]:
 
 
 def _datasets(path: Path, h5py: Any, file: Any, joint: str, findings: list[Finding]) -> Iterator[tuple[str, Any]]:
-    """All sets of a file, each group entered once: hard links may lead back to a group that holds them."""
+    """All sets of a file, each group entered once: hard links may lead back to a group that holds them.
+
+    An array of MATLAB structures is a group of sets of references, a set a member: they are followed, counted from 1.
+    """
     seen, found, waiting = {file["/"]}, 0, [("", file["/"], 0)]
     while waiting:
-        prefix, group, depth = waiting.pop()
+        place, group, depth = waiting.pop()
         inner = []
         for name in group:
-            found += 1
+            full = f"{place}{joint}{name}" if place else name
+            is_external = isinstance(group.get(name, getlink=True), h5py.ExternalLink)
+            item: Any = None if is_external else group.get(name)
+            is_array = isinstance(item, h5py.Dataset) and _is_of_structures(h5py, group, item)
+            found += item.size or 0 if is_array else 1
             if found > MOST_COLUMNS:
                 raise RecordError(f"{path}: more than {MOST_COLUMNS} groups and sets; save those of the record alone")
-            if isinstance(group.get(name, getlink=True), h5py.ExternalLink):
-                findings.append(EXTERNAL_LINK(name=f"{prefix}{name}"))
-                continue
-            item = group.get(name)
-            if isinstance(item, h5py.Dataset):
-                yield f"{prefix}{name}", item
-            elif isinstance(item, h5py.Group) and name not in ("#refs#", "#subsystem#") and item not in seen:
-                if depth == DEEPEST:
-                    raise RecordError(f"{path}: groups nested deeper than {DEEPEST}; save the record flat")
-                seen.add(item)
-                inner.append((f"{prefix}{name}{joint}", item, depth + 1))
+            if is_external:
+                findings.append(EXTERNAL_LINK(name=full))
+            own = {full: item}
+            if is_array:
+                references = np.ravel(_stored(path, full, item, is_turned=True).values)
+                own = {f"{place}[{k}]{joint}{name}": file[one] for k, one in enumerate(references, start=1)}
+            for at, one in own.items():
+                if isinstance(one, h5py.Dataset):
+                    yield at, one
+                elif isinstance(one, h5py.Group) and name not in ("#refs#", "#subsystem#") and one not in seen:
+                    if depth == DEEPEST:
+                        raise RecordError(f"{path}: groups nested deeper than {DEEPEST}; save the record flat")
+                    seen.add(one)
+                    inner.append((at, one, depth + 1))
         waiting += reversed(inner)
 
 
+def _is_of_structures(h5py: Any, group: Any, dataset: Any) -> bool:
+    """Whether a set holds a member of every structure of an array; a cell array states its own class."""
+    is_member = group.attrs.get("MATLAB_class") == b"struct" and "MATLAB_class" not in dataset.attrs
+    return is_member and h5py.check_ref_dtype(dataset.dtype) is h5py.Reference
+
+
 def _stored(path: Path, name: str, dataset: Any, is_turned: bool) -> Stored:
-    shape = dataset.shape or ()
+    # MATLAB stores the codes of letters, and the shape of what is empty.
+    is_text = dataset.attrs.get("MATLAB_class") == b"char"
+    shape = (0, 0) if dataset.attrs.get("MATLAB_empty") else dataset.shape or ()
 
     def read() -> NDArray[Any]:
         if dataset.is_virtual or dataset.external:
@@ -198,7 +216,7 @@ def _stored(path: Path, name: str, dataset: Any, is_turned: bool) -> Stored:
         values = dataset[()]
         return values.T if is_turned else values
 
-    return Stored(shape[::-1] if is_turned else shape, dataset.dtype, read)
+    return Stored(shape[::-1] if is_turned else shape, np.dtype(str) if is_text else dataset.dtype, read)
 
 
 def _names(path: Path, file: Any, dataset: Any) -> list[Any]:
