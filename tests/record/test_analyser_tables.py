@@ -107,6 +107,12 @@ ABSCISSAS = {
     "Frequency (kHz)": 1e-3 * F,
     "Hz": F,
     "omega [rad/s]": 2.0 * np.pi * F,
+    "w": 2.0 * np.pi * F,
+    "angular frequency": 2.0 * np.pi * F,
+    "Speed (rpm)": 60.0 * F,
+    "speed_rpm": 60.0 * F,
+    "n [1/min]": 60.0 * F,
+    "Drehzahl in U/min": 60.0 * F,
 }
 
 
@@ -116,6 +122,36 @@ def test_frequencies_are_read_in_every_unit(tmp_path, name):
     found = load_measurement(path, RIG)
     np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+
+
+def test_an_angular_frequency_of_matlab_is_in_its_own_unit_of_time(tmp_path):
+    names = "Frequency(rad/TimeUnit),magnitude,phase_deg,std"
+    found = load_measurement(table(tmp_path / "frf.csv", names, 2.0 * np.pi * F, np.abs(H), DEGREES, STD), RIG)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    assert the(found, "units_assumed").values["units"] == {"Frequency(rad/TimeUnit)": "rad/s"}
+
+
+def test_a_speed_beside_a_frequency_is_not_used(tmp_path):
+    names = "Speed (rpm),Frequency (Hz),magnitude,phase_deg,std"
+    path = table(tmp_path / "frf.csv", names, np.full(len(F), 3000.0), F, np.abs(H), DEGREES, STD)
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+    assert the(found, "columns_not_used").values["names"] == ["Speed (rpm)"]
+
+
+def test_an_abscissa_that_nothing_shows_is_asked_for(tmp_path, golden):
+    path = table(tmp_path / "frf.csv", "Speed,magnitude,phase_deg,std", 60.0 * F, np.abs(H), DEGREES, STD)
+    with golden.raises(RecordError):
+        load_measurement(path, RIG)
+    found = load_measurement(path, RIG, mapping={"frequency_rpm": "Speed"})
+    np.testing.assert_allclose(found.frequency_hz, F, rtol=1e-13)
+
+
+def test_columns_that_are_channels_are_none_of_responses(tmp_path):
+    motion = 1e-6 * np.random.default_rng(1).standard_normal(600)
+    path = write(tmp_path / "run.csv", "Time,Amplitude,Phase", np.arange(600) / RIG.sample_rate, motion, 1e5 * motion)
+    mapping = {"t": "Time", f"y.{AXIS}": "Amplitude", f"i_e.{AXIS}": "Phase"}
+    np.testing.assert_allclose(load_measurement(path, RIG, mapping=mapping).y[:, 0], motion, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["frequency_hz", "frequency_rad_s", "frequency_rpm"])

@@ -16,9 +16,11 @@ from ambid.record.channel_map import ChannelMap
 from ambid.record.content import COLUMNS_NOT_USED, VARIABLES_NOT_USED, unused
 from ambid.record.csv_table import UNITS_NOT_READ, Cells, header_of, read_cells
 from ambid.record.quantities import (
+    FORMS,
     OURS,
     PLAIN,
     SIGNALS,
+    SPEED,
     UNITS_ASSUMED,
     VALUES,
     Quantity,
@@ -43,7 +45,6 @@ UNNAMED = {"output": "y", "input": "i_e"}
 """Signals of a pair that nothing names."""
 PAIR = re.compile(r"(?P<output>\w+\.\w+?)(?:\s*/\s*(?P<input>\w+\.\w+?))?[\s:,]+(?P<quantity>.+)")
 """A column of one pair among several."""
-FORMS = (("re", "im"), ("magnitude", "phase"))
 FREQUENCIES = ("frequency_hz", "frequency_rad_s", "frequency_rpm")
 
 
@@ -155,9 +156,11 @@ def _is_table(path: Path, mapping: ChannelMap | None) -> bool:
     frequency = next((column for name, (column, _) in mapped.items() if name.startswith("frequency")), None)
     if frequency is not None and (frequency in names or mapping is not None and not mapping.channels):
         return True
-    if "t" not in names and any(_of_pair(name) for name in names):
-        return holds_quantities([name for name in names if not name.startswith(OF_AXES)] + ["magnitude"])
-    return "t" not in names and not any(name.startswith(OF_AXES) for name in names) and holds_quantities(names)
+    pairs = {name: own[2] for name in names if (own := _of_pair(name)) is not None}
+    if "t" in names or not pairs and any(name.startswith(OF_AXES) for name in names):
+        return False
+    needs_frequency = mapping is not None and bool(mapping.channels)  # or else they are of signals over time
+    return holds_quantities([pairs.get(name, name) for name in names], needs_frequency=needs_frequency)
 
 
 def _from_table(path: Path, mapping: ChannelMap | None, axes: Sequence[str]) -> RawResponse:
@@ -190,7 +193,7 @@ def _from_table(path: Path, mapping: ChannelMap | None, axes: Sequence[str]) -> 
         constants |= {name: f"{named.get(name, UNNAMED[name])}.{axes[0]}" for name in missing}
         missing = [name for name in missing if name not in named]
     form = next((form for form in FORMS if set(form) <= columns.keys()), None)
-    absent = [] if "frequency" in columns else [_example("frequency")]
+    absent = [] if "frequency" in columns else [" or ".join(FREQUENCIES)]
     absent += [name for name in missing if name not in constants]
     if form is None:
         begun = next((form for form in FORMS if set(form) & columns.keys()), FORMS[0])
@@ -308,9 +311,12 @@ def _columns(
         factors[quantity.name] = factor
     found: dict[str, list[tuple[str, Quantity]]] = {}
     for header, unit in zip(table.names, table.units, strict=True):
-        own = quantity_of(header)
+        own = quantity_of(header) or quantity_of(f"{header} [{unit}]")
         if own is not None and own.name not in columns and own.name not in constants:
             found.setdefault(own.name, []).append((header, replace(own, unit=_unit(own, unit))))
+    speeds = found.pop(SPEED, [])
+    if speeds and "frequency" not in (*columns, *found):
+        found["frequency"] = speeds
     for name, several in found.items():
         chosen = [one for one in several if one[1].is_ours][:1] or several
         if len(chosen) > 1:

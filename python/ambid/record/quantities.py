@@ -40,11 +40,15 @@ _UNITS = {
 _FREQUENCIES = {
     **{"hz": 1.0, "khz": 1e3, "1/s": 1.0},
     **dict.fromkeys(("rad/s", "rad/sec"), 0.5 / np.pi),
-    **dict.fromkeys(("rpm", "1/min", "r/min", "cpm", "rev/min"), 1.0 / 60.0),
+    **dict.fromkeys(("rpm", "1/min", "r/min", "cpm", "rev/min", "u/min", "min-1"), 1.0 / 60.0),
 }
+_ASSUMED = {"": "Hz", "rad/timeunit": "rad/s"}
+"""Units of frequencies that state none; the second one is of MATLAB, whose unit of time is s unless it is changed."""
+_ANGULAR = ("omega", "w", "ω", "angular frequency")
+"""Names of frequencies in rad/s."""
 DECIBEL = "db"
 WORDS = {
-    "frequency": ("frequency", "freq", "f", "omega", "frequenz"),
+    "frequency": ("frequency", "freq", "f", "frequenz", *_ANGULAR),
     "magnitude": ("magnitude", "mag", "gain", "amplitude", "abs", "modulus", "ampl", "betrag"),
     "phase": ("phase", "angle", "arg"),
     "re": ("re", "real"),
@@ -64,8 +68,11 @@ PHASES = {
 PLAIN = ("abs", "lin", "linear", "1", "-", "ratio")
 """Units of a magnitude that is no level and states none."""
 SIGNALS = ("y", "i_c", "i_e", "r")
+FORMS = (("re", "im"), ("magnitude", "phase"))
 VALUES = ("magnitude", "phase", "re", "im")
 """Quantities that a label may stand beside."""
+SPEED = "speed"
+"""Quantity of a column whose unit alone is one of frequency or speed: the frequency of a table that names none."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +97,7 @@ class Quantity:
     Attributes
     ----------
     name : str
-        A key of `WORDS`.
+        A key of `WORDS`, or `SPEED`.
     unit : str
         As it is written, empty where none is.
     is_ours : bool
@@ -170,13 +177,13 @@ def quantity_of(header: str) -> Quantity | None:
         found = _named(base) if _is_unit(unit) else None
     if found is None or any(own.partition(".")[0] in (*SIGNALS, "h") for own in unit.split("/")):
         return _labelled(text)
-    return Quantity(found, "rad/s" if base == "omega" and not unit else unit.strip())
+    return Quantity(found, "rad/s" if base in _ANGULAR and not unit else unit.strip())
 
 
 def _labelled(text: str) -> Quantity | None:
     """Of a name that says more, such as ``Mag y``, ``Phase(H) / deg``, ``CH2 Gain{dB}`` or ``|y/i_e|, dB``."""
     unit, base = "", text
-    for pattern in (r"(.+?)\s*[\[({<]\s*([^\[({<]*?)\s*[\])}>]", r"(.+?)(?:\s*[/,]\s*|\s+(?:in\s+)?)([^\s,]+)"):
+    for pattern in (r"(.+?)\s*[\[({<]\s*([^\[({<]*?)\s*[\])}>]", r"(.+?)(?:\s*[/,]\s*|[\s_]+(?:in\s+)?)([^\s,]+)"):
         own = re.fullmatch(pattern, base)
         if own and own[2] and _is_unit(own[2]):
             base, unit = own.groups()
@@ -187,26 +194,31 @@ def _labelled(text: str) -> Quantity | None:
     named = {name: word for word in (first, *words) if (name := _named(word)) in VALUES}
     if not named and (of_first := _named(first)) in ("frequency", "coherence"):
         named = {of_first: first}
+    if not named and frequency_unit(unit) is not None:
+        return Quantity(SPEED, unit)
     if len(named) != 1:
         return None
     ((name, own_word),) = named.items()
     return Quantity(str(name), unit, label=" ".join(word for word in (first, *words) if word != own_word))
 
 
-def holds_quantities(headers: Iterable[str]) -> bool:
-    """Whether columns of these names are a table of frequency responses."""
+def holds_quantities(headers: Iterable[str], *, needs_frequency: bool) -> bool:
+    """Whether columns of these names are a table of frequency responses; without a named frequency, if it need be."""
     found = [quantity for header in headers if (quantity := quantity_of(header)) is not None]
-    frequencies = [own for own in found if own.name == "frequency"]
-    has_values = any(own.name in ("re", "magnitude", "phase") for own in found)
-    return any(own.is_ours for own in frequencies) or bool(frequencies) and has_values
+    names = {own.name for own in found}
+    if any(own.is_ours for own in found if own.name == "frequency"):
+        return True
+    is_whole = any(set(form) <= names for form in FORMS)
+    return is_whole and not needs_frequency or "frequency" in names and not names.isdisjoint(VALUES)
 
 
 def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tuple[FloatArray, dict[str, str]]:
     """Frequencies [Hz] of a column, and its unit by column where that is assumed."""
-    factor = frequency_unit(quantity.unit or "Hz")
+    assumed = _ASSUMED.get(quantity.unit)
+    factor = frequency_unit(assumed or quantity.unit)
     if factor is None:
         raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected Hz, rad/s or rpm")
-    return values * factor, {} if quantity.unit else {column: "Hz"}
+    return values * factor, {column: assumed} if assumed else {}
 
 
 def values_of(
