@@ -63,6 +63,45 @@ def test_values_are_read_in_every_form(tmp_path, names):
     assert found.findings == ()
 
 
+MOTIONS = {
+    "mm/s/A": (1e3 * S, "velocity"),
+    "dB re 1 in/s/A": (S / 0.0254, "velocity"),
+    "m/s^2/A": (S**2, "acceleration"),
+    "g/mA": (1e-3 * S**2 / 9.80665, "acceleration"),
+}
+
+
+@pytest.mark.parametrize("unit", MOTIONS)
+def test_velocities_and_accelerations_are_integrated(tmp_path, unit):
+    factor, motion = MOTIONS[unit]
+    size, phase = np.abs(factor * H), np.angle(factor * H)
+    size = 20.0 * np.log10(size) if unit.startswith("dB") else size
+    path = table(tmp_path / "frf.csv", f"frequency_hz,Mag [{unit}],phase_rad,std", F, size, phase, STD)
+    found = load_measurement(path, RIG)
+    np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
+    values = dict(the(found, "units_converted").values)
+    assert values == {
+        "channels": [PAIR["output"]],
+        "found": f"{motion} in {unit.removeprefix('dB re 1 ')}",
+        "unit": "m",
+    }
+
+
+def test_an_acceleration_at_a_sensor_is_one(tmp_path):
+    names = "frequency_hz,output,input,magnitude (mg/A),phase_rad,std"
+    response = S**2 * H
+    pair = [[own] * len(F) for own in ("a.foot", PAIR["input"])]
+    size = np.abs(response) / 9.80665e-3
+    path = write(tmp_path / "frf.csv", names, F, *pair, size, np.angle(response), np.abs(response))
+    np.testing.assert_allclose(h_of(load_measurement(path)), response, rtol=1e-12)
+
+
+@pytest.mark.parametrize("unit", ["um/A pk", "um/A RMS", "um peak/A peak", "um rms / A rms", "um/A pk-pk"])
+def test_peaks_by_peaks_and_rms_by_rms_are_a_ratio(tmp_path, unit):
+    path = table(tmp_path / "frf.csv", f"frequency_hz,Mag ({unit}),phase_deg,std", F, 1e6 * np.abs(H), DEGREES, STD)
+    np.testing.assert_allclose(h_of(load_measurement(path, RIG)), H, rtol=1e-12)
+
+
 SPELLED = [
     ("Frequency (Hz)", "Mag y", "Phase y"),
     ("f / Hz", "|H| (dB)", "Phase (deg)"),
@@ -219,7 +258,8 @@ REFUSED = {
     "gain of no unit": ("frequency_hz,gain,phase_deg", (F, 1e6 * np.abs(H), DEGREES)),
     "phase of no unit": ("frequency_hz,magnitude,phase", (F, np.abs(H), DEGREES / 10.0)),
     "two magnitudes": ("frequency_hz,gain (db),mag (db),phase_deg", (F, DECIBELS, DECIBELS, DEGREES)),
-    "a velocity": ("frequency_hz,magnitude (mm/s),phase_deg", (F, np.abs(H), DEGREES)),
+    "a voltage": ("frequency_hz,magnitude (mV/A),phase_deg", (F, np.abs(H), DEGREES)),
+    "peaks by rms": ("frequency_hz,magnitude (um pk/A rms),phase_deg", (F, np.abs(H), DEGREES)),
     "a word": ("frequency_hz,magnitude,phase_deg", (F, [*np.abs(H[:-1]), "over"], DEGREES)),
 }
 

@@ -138,7 +138,7 @@ def _from_mat(path: Path) -> RawResponse:
         if given != ("response",):
             own = {key: (name, OURS[name]) for key, name in (("magnitude", size), ("phase", angle))}
             values = {key: found.pop(name) for key, (name, _) in own.items()}
-            found["response"], _ = values_of(path, own, values, names["outputs"])
+            found["response"], *_ = values_of(path, own, values, f, names["outputs"])
         f, _ = hz_of(path, frequency, OURS[frequency], f)
     return RawResponse(f, names["outputs"], names["inputs"], **found, findings=left_out)
 
@@ -219,7 +219,7 @@ def _from_table(path: Path, mapping: ChannelMap | None, axes: Sequence[str]) -> 
         raise RecordError(f"{path}: {column} is {value} in row {wrong[0] + 1}; give a frequency above 0")
     hz, unstated = hz_of(path, *columns["frequency"], numbers["frequency"])
     outputs, inputs = ([constants.get(name) or row[at[name]] for row in rows] for name in UNNAMED)
-    values, more = values_of(path, own, numbers, dict.fromkeys(outputs))
+    values, more, integrated = values_of(path, own, numbers, hz, outputs)
     further = {name: numbers[name] for name in (*FURTHER, *covariances) if name in numbers}
     raw = tabled(_places(path, list(zip(hz.tolist(), outputs, inputs, strict=True)), values, further))
     known = {f"{part} {output} / {inlet}" for part in COVARIANCE for output in raw.outputs for inlet in raw.inputs}
@@ -227,6 +227,7 @@ def _from_table(path: Path, mapping: ChannelMap | None, axes: Sequence[str]) -> 
     raw.findings = [
         *(own for own in table.findings if own.kind != UNITS_NOT_READ or not takes_units),
         *([UNITS_ASSUMED(units=unstated | more)] if unstated or more else []),
+        *integrated,
         *([PAIR_ASSUMED(output=outputs[0], input=inputs[0])] if missing else []),
         *unused(COLUMNS_NOT_USED, (name for name in header if name not in used)),
     ]
@@ -330,11 +331,11 @@ def _columns(
 
 def _unit(quantity: Quantity, below: str) -> str:
     """That of a column: from its name, or else from the line of units below."""
-    return _plain(below) or quantity.unit if quantity.unit in ("", *PLAIN) else quantity.unit
+    return _plain(below) or quantity.unit if quantity.unit.lower() in ("", *PLAIN) else quantity.unit
 
 
 def _plain(unit: str) -> str:
-    return unit.strip("[]()- ").lower()
+    return unit.strip("[]()- ")
 
 
 def _example(name: str) -> str:

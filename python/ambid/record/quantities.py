@@ -1,7 +1,7 @@
 """Quantities and units as instruments write them: the factors that make SI units, and complex values in Hz."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,8 +9,9 @@ import numpy as np
 from scipy.constants import foot, g, inch
 
 from ambid.arrays import ComplexArray, FloatArray
+from ambid.channels import Channel
 from ambid.errors import RecordError
-from ambid.findings import Kind
+from ambid.findings import Finding, Kind
 
 UNITS_ASSUMED = Kind(
     "units_assumed",
@@ -18,6 +19,8 @@ UNITS_ASSUMED = Kind(
     "units are not stated and taken by the values: {units}",
     "name the columns with their units, such as frequency_hz, magnitude_db, phase_deg, or map them",
 )
+UNITS_CONVERTED = Kind("units_converted", "note", "{channels}: {found} converted to {unit}")
+INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 _LENGTHS = {
     **{"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "micron": 1e-6, "microns": 1e-6, "nm": 1e-9},
     **{"in": inch, "inch": inch, "ft": foot, **dict.fromkeys(("mil", "mils", "thou"), 1e-3 * inch)},
@@ -46,6 +49,7 @@ _ASSUMED = {"": "Hz", "rad/timeunit": "rad/s"}
 """Units of frequencies that state none; the second one is of MATLAB, whose unit of time is s unless it is changed."""
 _ANGULAR = ("omega", "w", "ω", "angular frequency")
 """Names of frequencies in rad/s."""
+_AMPLITUDE = re.compile(r"[\s_]*(pk-pk|p-p|peak|pk|rms)\s*$")
 DECIBEL = "db"
 WORDS = {
     "frequency": ("frequency", "freq", "f", "frequenz", *_ANGULAR),
@@ -135,13 +139,18 @@ def unit_of(text: str) -> Unit | None:
 
 
 def ratio_of(text: str) -> tuple[Unit, Unit | None] | None:
-    """Units of a response, such as ``um/A``, and of its excitation if that is named; None for unknown ones."""
+    """Units of a response, such as ``um/A``, and of its excitation if that is named; None for unknown ones.
+
+    Both may be of peaks, or of rms: ``mm/A pk`` or ``mm rms/A rms``.
+    """
     whole = unit_of(text)
     if whole is not None:
         return whole, None
-    above, slash, below = _plain_unit(text).rpartition("/")
+    above, _, below = text.lower().rpartition("/")
+    if (of_both := _AMPLITUDE.search(below)) is not None:
+        above, below = above.rstrip().removesuffix(of_both[1]), below[: of_both.start()]
     upper, lower = unit_of(above), unit_of(below)
-    return (upper, lower) if slash and upper is not None and lower is not None else None
+    return None if upper is None or lower is None else (upper, lower)
 
 
 def frequency_unit(text: str) -> float | None:
@@ -159,13 +168,13 @@ def quantity_of(header: str) -> Quantity | None:
     """What a column holds by its name, such as ``phase_rad``, ``Magnitude (dB)`` or ``Freq [Hz]``; None for another."""
     if header in OURS:
         return OURS[header]
-    text = header.rpartition(": ")[2].strip().lower()
-    if text in OURS:
-        return OURS[text]
+    text = header.rpartition(": ")[2].strip()
+    if text.lower() in OURS:
+        return OURS[text.lower()]
     for name, is_named in (
         ("frequency", frequency_unit(text)),
-        ("magnitude", text == DECIBEL),
-        ("phase", text in PHASES),
+        ("magnitude", text.lower() == DECIBEL),
+        ("phase", text.lower() in PHASES),
     ):
         if is_named:
             return Quantity(name, text)  # by its unit alone
@@ -177,7 +186,7 @@ def quantity_of(header: str) -> Quantity | None:
         found = _named(base) if _is_unit(unit) else None
     if found is None or any(own.partition(".")[0] in (*SIGNALS, "h") for own in unit.split("/")):
         return _labelled(text)
-    return Quantity(found, "rad/s" if base in _ANGULAR and not unit else unit.strip())
+    return Quantity(found, "rad/s" if base.lower() in _ANGULAR and not unit else unit.strip())
 
 
 def _labelled(text: str) -> Quantity | None:
@@ -199,7 +208,7 @@ def _labelled(text: str) -> Quantity | None:
     if len(named) != 1:
         return None
     ((name, own_word),) = named.items()
-    return Quantity(str(name), unit, label=" ".join(word for word in (first, *words) if word != own_word))
+    return Quantity(str(name), unit, label=" ".join(word for word in (first, *words) if word != own_word).lower())
 
 
 def holds_quantities(headers: Iterable[str], *, needs_frequency: bool) -> bool:
@@ -214,7 +223,7 @@ def holds_quantities(headers: Iterable[str], *, needs_frequency: bool) -> bool:
 
 def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tuple[FloatArray, dict[str, str]]:
     """Frequencies [Hz] of a column, and its unit by column where that is assumed."""
-    assumed = _ASSUMED.get(quantity.unit)
+    assumed = _ASSUMED.get(quantity.unit.lower())
     factor = frequency_unit(assumed or quantity.unit)
     if factor is None:
         raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected Hz, rad/s or rpm")
@@ -222,9 +231,15 @@ def hz_of(path: Path, column: str, quantity: Quantity, values: FloatArray) -> tu
 
 
 def values_of(
-    path: Path, columns: Mapping[str, tuple[str, Quantity]], values: Mapping[str, FloatArray], outputs: Iterable[str]
-) -> tuple[ComplexArray, dict[str, str]]:
-    """Complex values from real and imaginary part, or from magnitude and phase, and by column units that are assumed.
+    path: Path,
+    columns: Mapping[str, tuple[str, Quantity]],
+    values: Mapping[str, FloatArray],
+    hz: FloatArray,
+    outputs: Sequence[str],
+) -> tuple[ComplexArray, dict[str, str], list[Finding]]:
+    """Complex values from real and imaginary part, or from magnitude and phase, in SI units.
+
+    Velocities and accelerations of a displacement are integrated.
 
     Parameters
     ----------
@@ -234,23 +249,35 @@ def values_of(
         Column and quantity of re and im, or of magnitude and phase.
     values : mapping
         The same in numbers, as they are stored.
-    outputs : iterable of str
-        Whose unit a magnitude may state.
+    hz : ndarray
+        Frequencies of the values [Hz].
+    outputs : sequence of str
+        Of the values, whose unit a magnitude may state.
+
+    Returns
+    -------
+    values : ndarray
+    assumed : dict of str to str
+        Units that are assumed, by column.
+    findings : list of Finding
+        What was integrated.
     """
     if "re" in columns:
-        return values["re"] + 1j * values["im"], {}
+        return values["re"] + 1j * values["im"], {}, []
     assumed: dict[str, str] = {}
     column, quantity = columns["magnitude"]
-    unit, size = quantity.unit.lower(), values["magnitude"]
+    unit, size = quantity.unit, values["magnitude"]
     if not unit:
         unit = _unit_of_gain(path, column, size)
         assumed[column] = "dB" if unit == DECIBEL else "1"
-    level = re.fullmatch(r"db[\s(\[/]*(?:re)?[\s1]*(.*?)[)\]]?", unit)
+    level = re.fullmatch(r"db[\s(\[/]*(?:re)?[\s1]*(.*?)[)\]]?", unit, re.IGNORECASE)
     reference = level.group(1) if level else unit
     if level:
         size = 10.0 ** (size / 20.0)
-    if reference and reference not in PLAIN:
-        size = size * _si(path, column, reference, outputs)
+    factor: ComplexArray | float = 1.0
+    findings: list[Finding] = []
+    if reference and reference.lower() not in PLAIN:
+        factor, findings = _si(path, column, reference, hz, outputs)
     if (size < 0.0).any():
         row = int(np.argmax(size < 0.0))
         raise RecordError(
@@ -264,14 +291,20 @@ def values_of(
         assumed[column] = unit
     if unit not in PHASES:
         raise RecordError(f"{path}: {column}: the unit {quantity.unit!r} is unknown; expected deg or rad")
-    return size * np.exp(1j * PHASES[unit] * values["phase"]), assumed
+    return factor * size * np.exp(1j * PHASES[unit] * values["phase"]), assumed, findings
+
+
+def integrated(hz: FloatArray, order: FloatArray | int) -> ComplexArray:
+    """Factor that integrates as many times as `order` says; a line at 0 Hz, which is not used, is left as it is."""
+    return np.asarray((2j * np.pi * np.where(hz == 0.0, 1.0, hz)) ** -np.asarray(order, dtype=np.float64))
 
 
 def _named(base: str) -> str | None:
-    return next((name for name, words in WORDS.items() if base.strip() in words), None)
+    return next((name for name, words in WORDS.items() if base.strip().lower() in words), None)
 
 
 def _is_unit(text: str) -> bool:
+    text = text.lower()
     return (
         text == ""
         or text.startswith(DECIBEL)
@@ -306,14 +339,26 @@ def _unit_of_phase(path: Path, column: str, values: FloatArray) -> str:
     )
 
 
-def _si(path: Path, column: str, text: str, outputs: Iterable[str]) -> float:
-    """Factor that makes m/A or A/A of a unit such as ``um/A``."""
-    found = ratio_of(text)
-    wanted = {"y": "displacement", "i_c": "current"}
-    for output in outputs:
-        kind = wanted.get(output.partition(".")[0], "displacement")
-        if found is None or found[0].kind != kind:
-            example = "m/A, mm/A or um/A" if kind == "displacement" else "A/A or mA/A"
+def _si(
+    path: Path, column: str, text: str, hz: FloatArray, outputs: Sequence[str]
+) -> tuple[ComplexArray, list[Finding]]:
+    """Factors that make SI units of the outputs, such as m/A or A/A, of a unit such as ``um/A`` or ``g/A``."""
+    found, findings = ratio_of(text), []
+    orders: dict[str, int] = {}
+    for output in dict.fromkeys(outputs):
+        own = Channel.of(output)
+        unit = "m" if own is None else own.signal.unit
+        wanted = unit_of(unit)
+        kinds = INTEGRATIONS if wanted is None or wanted.kind in INTEGRATIONS else (wanted.kind,)
+        if found is None or wanted is None or found[0].kind not in kinds:
+            example = {
+                **{"m": "m/A, mm/A, um/A or mil/A, mm/s/A or in/s/A, m/s^2/A or g/A", "m/s^2": "m/s^2/A or g/A"},
+                **{"A": "A/A or mA/A", "V": "V/A or mV/A"},
+            }.get(unit, f"or none for {unit}/A")
             raise RecordError(f"{path}: {column}: the unit {text!r} is none of {output}; expected dB, {example}")
+        orders[output] = INTEGRATIONS.get(found[0].kind, 0) - INTEGRATIONS.get(wanted.kind, 0)
+        if orders[output]:
+            findings.append(UNITS_CONVERTED(channels=[output], found=f"{found[0].kind} in {text}", unit=unit))
     upper, lower = found or (Unit("displacement", 1.0), None)
-    return upper.factor / (1.0 if lower is None else lower.factor)
+    factor = upper.factor / (1.0 if lower is None else lower.factor)
+    return factor * integrated(hz, np.array([orders[output] for output in outputs])), findings

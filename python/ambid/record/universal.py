@@ -12,7 +12,15 @@ from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.reading import reading
 from ambid.record.channel_map import ChannelMap
-from ambid.record.quantities import Unit, frequency_unit, ratio_of, unit_of
+from ambid.record.quantities import (
+    INTEGRATIONS,
+    UNITS_CONVERTED,
+    Unit,
+    frequency_unit,
+    integrated,
+    ratio_of,
+    unit_of,
+)
 from ambid.record.raw_response import RawResponse, tabled
 from ambid.record.readers import extra
 from ambid.rig import Rig
@@ -27,13 +35,11 @@ FREQUENCY, SPEED = 18, 19
 UNSTATED = (0, 1)
 """Specific data types, unknown and general, which say nothing of what is measured."""
 MOTIONS = {8: "displacement", 11: "velocity", 12: "acceleration"}
-INTEGRATIONS = {"displacement": 0, "velocity": 1, "acceleration": 2}
 SI = {"displacement": "m", "velocity": "m/s", "acceleration": "m/s^2"}
 CURRENTS = {"i_e": ("current", "voltage"), "i_c": ("current",), "i_ref": ("current", "voltage")}
 """What signals without a motion may be measured in; the command of a voltage-driven coil is one of voltage."""
 DIRECTIONS = {0: "", 1: "+X", -1: "-X", 2: "+Y", -2: "-Y", 3: "+Z", -3: "-Z"}
 SETS_NOT_READ = Kind("sets_not_read", "note", "{count} sets are no frequency responses, and were not read")
-UNITS_CONVERTED = Kind("units_converted", "note", "{channels}: {found} converted to {unit}")
 UNITS_CONTRADICT = Kind(
     "units_contradict",
     "warning",
@@ -166,11 +172,9 @@ def _in_si(
     if below and lower is None and (lower := unit_of(below)) is None:
         raise RecordError(f"{where}: the unit of the ordinate's denominator is {below!r}; expected A, mA, V or m")
     above_type, below_type = (int(own[f"{side}_spec_data_type"]) for side in ("ordinate", "orddenom"))
-    s = 2j * np.pi * np.where(hz == 0.0, 1.0, hz)  # a line at 0 Hz is not used
     factor, order = _side(state, where, names[0], upper, label, above_type, length)
     by, its = _side(state, where, names[1], lower, below or label, below_type, length)
-    scaled = values * (factor / by)
-    return np.asarray(scaled * s ** float(its - order))
+    return np.asarray(values * (factor / by) * integrated(hz, order - its))
 
 
 def _side(
