@@ -102,6 +102,13 @@ def test_parameters_are_found_by_their_names(estimate):
     assert model.parameters.get("tau") is None
 
 
+def test_an_estimate_is_asked_for_parameters_like_a_mapping(estimate):
+    assert "tau_e" in estimate
+    assert "tau" not in estimate
+    assert list(estimate) == list(estimate.parameters)
+    assert len(estimate) == len(estimate.parameters)
+
+
 def test_a_name_that_is_none_is_refused_with_the_nearest(estimate, golden):
     for within in (estimate, estimate.model, estimate.model.parameters, estimate.parameters):
         with golden.raises(UnknownParameterError):

@@ -2,10 +2,10 @@
 
 import importlib
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from math import isfinite, pi
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from ambid.errors import InputError, UnknownParameterError, did_you_mean
 
@@ -25,7 +25,26 @@ class Named(dict[str, T]):
 
     def __missing__(self, name: str) -> T:
         near = did_you_mean(str(name), self)
-        raise UnknownParameterError(f"{name}: no such parameter; {near}there are {', '.join(self)}")
+        raise UnknownParameterError(f"{name}: no such name; {near}there are {', '.join(self) or 'none'}")
+
+
+class OfParameters(Generic[T]):
+    """A result that is asked for its parameters by name, as in ``result["tau_e"]`` and ``"tau_e" in result``."""
+
+    parameters: dict[str, T]
+
+    def __getitem__(self, name: str) -> T:
+        """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``."""
+        return self.parameters[name]
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.parameters
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.parameters)
+
+    def __len__(self) -> int:
+        return len(self.parameters)
 
 
 class Tabular(ABC):

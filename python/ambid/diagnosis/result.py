@@ -25,7 +25,7 @@ from ambid.noise import Adequacy, Comparison
 from ambid.noise.compared import averaged_over
 from ambid.noise.window import findings_of
 from ambid.record import Measurement
-from ambid.results import Tabular, band_text, picture, plain
+from ambid.results import OfParameters, Tabular, band_text, picture, plain
 from ambid.rig import Rig
 
 VERDICTS = {
@@ -177,7 +177,7 @@ class Step:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Diagnosis(ByValue, WithFindings, Tabular):
+class Diagnosis(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
     """Result of `diagnose`.
 
     Attributes

@@ -18,7 +18,7 @@ from ambid.model import Model, Parameter
 from ambid.noise import Adequacy, Comparison
 from ambid.noise.compared import averaged_over
 from ambid.record import Measurement
-from ambid.results import Named, Tabular, of_unit, plain
+from ambid.results import Named, OfParameters, Tabular, of_unit, plain
 
 NORMAL_95 = 1.959964
 """Half width of a 95 % interval of the normal distribution, in standard errors."""
@@ -116,7 +116,7 @@ class ParameterEstimate:
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Estimate(ByValue, WithFindings, Tabular):
+class Estimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
     """Result of `identify`.
 
     Attributes
@@ -172,7 +172,7 @@ class Estimate(ByValue, WithFindings, Tabular):
         UnknownParameterError
             If it was not free, or there is none of this name.
         """
-        if name not in self.parameters:
+        if name not in self:
             held = f"{name} was not free" if name in self.model.names else f"{name}: no such parameter"
             hint = did_you_mean(name, self.parameters)
             raise UnknownParameterError(f"{held}; {hint}fitted were {', '.join(self.parameters)}")

@@ -19,7 +19,7 @@ from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane,
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.record.measurement import findings_of_loadings
-from ambid.results import Named
+from ambid.results import Named, OfParameters
 from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
@@ -39,7 +39,7 @@ _STEPS_ONLY = Kind(
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StaticEstimate(ByValue, WithFindings):
+class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
     """Result of `static_load`, M steps of all loadings on n axes.
 
     Attributes
@@ -73,10 +73,6 @@ class StaticEstimate(ByValue, WithFindings):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", Named(self.parameters))
-
-    def __getitem__(self, name: str) -> ParameterEstimate:
-        """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``."""
-        return self.parameters[name]
 
     @property
     def residual_newton_by_axis(self) -> dict[str, float]:
