@@ -28,6 +28,11 @@ class Named(dict[str, T]):
         raise UnknownParameterError(f"{name}: no such name; {near}there are {', '.join(self) or 'none'}")
 
 
+def named(values: Mapping[str, Any]) -> Named[Any]:
+    """Values by name, and such in them likewise."""
+    return Named({name: named(own) if isinstance(own, dict) else own for name, own in values.items()})
+
+
 class OfParameters(Generic[T]):
     """A result that is asked for its parameters by name, as in ``result["tau_e"]`` and ``"tau_e" in result``."""
 
@@ -48,7 +53,12 @@ class OfParameters(Generic[T]):
 
 
 class Tabular(ABC):
-    """A result that has rows and columns."""
+    """A result that has rows and columns; what it holds by name is `Named`."""
+
+    def __post_init__(self) -> None:
+        for name, own in vars(self).items():
+            if isinstance(own, dict):
+                object.__setattr__(self, name, named(own))
 
     @abstractmethod
     def table(self) -> dict[str, list[Any]]:

@@ -15,7 +15,7 @@ from ambid.model import Given, Model, as_model
 from ambid.noise import Comparison
 from ambid.noise.foreseen import Instruments, foreseen
 from ambid.record import Record
-from ambid.results import Tabular, plain
+from ambid.results import Named, Tabular, named, plain
 
 FEWEST = 4
 """Periods that an experiment has at the least: what differs between them is the noise, and tones and drift need 4."""
@@ -51,17 +51,17 @@ class Prospect(Tabular):
     def budget(self) -> Budget:
         """Variance of every parameter by what it comes from: ``noise``, and each tolerance of the rig file."""
         rows = budget(self.comparison, range(len(self.model.names)))
-        return budget_by_name(self.model.names, {p.name for p in self.model.tolerances}, rows)
+        return named(budget_by_name(self.model.names, {p.name for p in self.model.tolerances}, rows))
 
     @property
     def parameters(self) -> dict[str, ParameterEstimate]:
         """The parameters with the intervals that a fit would give."""
         own = [self.model.parameters[i] for i in self.model.free]
         errors = np.sqrt(np.diag(self.covariance))
-        return {
-            p.name: ParameterEstimate.of(p, float(error), np.sqrt(self.budget[p.name][NOISE]))
+        return Named(
+            (p.name, ParameterEstimate.of(p, float(error), np.sqrt(self.budget[p.name][NOISE])))
             for p, error in zip(own, errors, strict=True)
-        }
+        )
 
     def _scale(self, name: str) -> float:
         return next(p.scale for p in self.model.parameters if p.name == name)

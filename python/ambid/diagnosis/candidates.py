@@ -17,7 +17,7 @@ from ambid.effects import Effect
 from ambid.findings import Finding, WithFindings
 from ambid.noise import Comparison
 from ambid.noise.chance import independent_tests, log_chance_bounded
-from ambid.results import Tabular, picture, plain
+from ambid.results import Named, Tabular, picture, plain
 
 ALPHA = 0.005
 """Chance of a false alarm over the whole catalogue: half of the 1 % that all tests of a diagnosis may have together."""
@@ -150,7 +150,7 @@ class Ranking(WithFindings, Tabular):
     @property
     def not_tried(self) -> dict[str, str]:
         """Effects that make no sense on this rig or could not be judged, and why, in words."""
-        return {str(finding.values["effect"]): finding.message for finding in self.findings}
+        return Named({str(finding.values["effect"]): finding.message for finding in self.findings})
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -203,7 +203,7 @@ class Ranking(WithFindings, Tabular):
         The rest is that nothing of the catalogue is missing, or more than one; a diagnosis refits, and tries sets.
         """
         if self.comparison is None or not self.candidates:
-            return {}
+            return Named()
         usual = -float(np.log(USUAL / (len(self.candidates) + len(self.findings))))
         tried = [by_score(self.comparison, self.misfit, 0.0, 0, 0, 0.0)]
         for c in self.candidates:
@@ -211,7 +211,7 @@ class Ranking(WithFindings, Tabular):
             own = by_score(self.comparison, c.predicted_misfit, c.score, c.degrees, c.one_sided, prior)
             tried.append(own)
         names = [c.effect.name for c in self.candidates]
-        return dict(zip(names, posterior(tried, self.ways.powers)[1:].tolist(), strict=True))
+        return Named(zip(names, posterior(tried, self.ways.powers)[1:].tolist(), strict=True))
 
     @property
     def significant(self) -> tuple[Candidate, ...]:

@@ -25,7 +25,7 @@ from ambid.noise import Adequacy, Comparison
 from ambid.noise.compared import averaged_over
 from ambid.noise.window import findings_of
 from ambid.record import Measurement
-from ambid.results import OfParameters, Tabular, band_text, picture, plain
+from ambid.results import Named, OfParameters, Tabular, band_text, picture, plain
 from ambid.rig import Rig
 
 VERDICTS = {
@@ -323,7 +323,7 @@ class Diagnosis(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular)
     @property
     def not_tried(self) -> dict[str, str]:
         """Effects that make no sense on this rig or could not be judged in the first ranking, and why."""
-        return self.history[0].ranking.not_tried if self.history else {}
+        return self.history[0].ranking.not_tried if self.history else Named()
 
     def to_json(self) -> dict[str, Any]:
         """Plain data as the command's ``--json`` writes it."""

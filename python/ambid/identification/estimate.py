@@ -161,9 +161,6 @@ class Estimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
     findings: tuple[Finding, ...] = ()
     incidental: ClassVar[tuple[str, ...]] = ("seconds",)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", Named(self.parameters))
-
     def __getitem__(self, name: str) -> ParameterEstimate:
         """What was found of a parameter, such as ``estimate["K_i.A_zeta"]``.
 
@@ -191,7 +188,7 @@ class Estimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
     @property
     def settings(self) -> dict[str, tuple[float, str]]:
         """Places and frequencies of effects in the model, such as ``seal_forces.z``, with their units; not fitted."""
-        return {name: own for effect in self.model.effects for name, own in effect.fine_settings().items()}
+        return Named({name: own for effect in self.model.effects for name, own in effect.fine_settings().items()})
 
     @property
     def records(self) -> tuple[Measurement, ...]:

@@ -72,7 +72,8 @@ class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
     parameters_by_flux: dict[str, ParameterEstimate]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "parameters", Named(self.parameters))
+        for name in ("parameters", "parameters_by_flux"):
+            object.__setattr__(self, name, Named(getattr(self, name)))
 
     @property
     def residual_newton_by_axis(self) -> dict[str, float]:

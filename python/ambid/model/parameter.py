@@ -64,7 +64,10 @@ class Parameter:
 
 
 class Parameters(tuple[Parameter, ...]):
-    """The parameters of a model in order, and by their names as in a dict."""
+    """The parameters of a model in order, and by their names as in a dict.
+
+    A sequence: iteration is over the parameters, in the order of `Model.theta`; `keys` are their names.
+    """
 
     def __getitem__(self, which: Any) -> Any:
         """A parameter by its name or place; a tuple of a slice.

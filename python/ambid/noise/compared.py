@@ -14,7 +14,7 @@ from ambid.noise.noise import Part
 from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shape import Split
 from ambid.record import Measurement, Record
-from ambid.results import data_frame
+from ambid.results import Named, data_frame
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,7 @@ class RecordComparison(ByValue, WithFindings):
     def residual_by_channel(self) -> dict[str, FloatArray | ComplexArray]:
         """The residual of every channel, such as ``y.A_zeta``; of a frequency response of every ``output / input``."""
         names = self.record.channels if self.record.is_in_time else self.record.pairs
-        return dict(zip(names, self.residual.reshape(-1, len(names)).T, strict=True))
+        return Named(zip(names, self.residual.reshape(-1, len(names)).T, strict=True))
 
     def to_pandas(self) -> Any:
         """Convert the residuals to a pandas.DataFrame, `t` [s] or `frequency_hz` before them.
@@ -224,7 +224,7 @@ def _compared(
 def with_average(per_channel: dict[str, float]) -> dict[str, float]:
     """Add ``average`` over the displacements y; over all channels where there are none."""
     of_y = [value for channel, value in per_channel.items() if channel.startswith("y.")]
-    return {**per_channel, "average": float(np.mean(of_y or list(per_channel.values())))}
+    return Named({**per_channel, "average": float(np.mean(of_y or list(per_channel.values())))})
 
 
 def averaged_over(percent: Mapping[str, float]) -> str:
