@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import chdtrc, fdtrc
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.findings import Finding, Kind, Where, WithFindings
 from ambid.model import Model
 from ambid.noise import Comparison
@@ -47,8 +47,8 @@ INSEPARABLE = Kind(
 )
 
 
-@dataclass(frozen=True)
-class MisfitMatrix(WithFindings):
+@dataclass(frozen=True, eq=False)
+class MisfitMatrix(ByValue, WithFindings):
     """What each output of one record answers to each excitation beyond the model; result of `misfit_matrix`.
 
     Attributes

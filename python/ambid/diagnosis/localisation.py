@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.diagnosis.drift import Change, changes_of, largest_change
 from ambid.diagnosis.ports import Port, needed_at_ports
 from ambid.findings import NOWHERE, Finding, Kind, Where, WithFindings
@@ -73,8 +73,8 @@ class Cell:
     kind: str
 
 
-@dataclass(frozen=True)
-class MisfitMap:
+@dataclass(frozen=True, eq=False)
+class MisfitMap(ByValue):
     """Misfit by band and channel of one record, each channel judged against its own noise.
 
     Attributes
@@ -128,8 +128,8 @@ class Growth:
     unexplained: float
 
 
-@dataclass(frozen=True)
-class Localisation(WithFindings):
+@dataclass(frozen=True, eq=False)
+class Localisation(ByValue, WithFindings):
     """Where the model fails; result of `localise`.
 
     Attributes

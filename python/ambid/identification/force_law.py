@@ -14,7 +14,7 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.errors import ModelError
 from ambid.identification.estimate import ParameterEstimate
 from ambid.model import Model
@@ -85,8 +85,8 @@ class _Identified(Protocol):
     covariance: FloatArray
 
 
-@dataclass(frozen=True, repr=False)
-class LawFit(Tabular):
+@dataclass(frozen=True, repr=False, eq=False)
+class LawFit(ByValue, Tabular):
     """Result of `fit_force_law`.
 
     Attributes

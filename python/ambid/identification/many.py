@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ambid import _core
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.errors import AmbidError, ModelError, Stopped
 from ambid.identification.closed_loop import LIKELIHOOD, Found, Steps, steps
 from ambid.identification.known_noise import (
@@ -32,8 +32,8 @@ TOGETHER = 32
 """Identifications under way at once: enough for the cores, few enough for the memory."""
 
 
-@dataclass(frozen=True, repr=False)
-class Estimates(Tabular):
+@dataclass(frozen=True, repr=False, eq=False)
+class Estimates(ByValue, Tabular):
     """Result of `identify_many`; runs in the order of their records.
 
     Attributes

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.findings import Finding, Kind, WithFindings
 from ambid.identification.estimate import NORMAL_95
 from ambid.identification.many import FAILED
@@ -70,8 +70,8 @@ class Accuracy:
         )
 
 
-@dataclass(frozen=True, repr=False)
-class MonteCarlo(Tabular, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class MonteCarlo(ByValue, Tabular, WithFindings):
     """Result of `run_monte_carlo`.
 
     Attributes

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.errors import InputError
 from ambid.model import Model
 from ambid.noise.compared import RecordComparison
@@ -16,8 +16,8 @@ from ambid.record import FrequencyResponse, Record
 from ambid.results import plain
 
 
-@dataclass(frozen=True)
-class Modelled:
+@dataclass(frozen=True, eq=False)
+class Modelled(ByValue):
     """Frequency responses of one model.
 
     Attributes
@@ -37,8 +37,8 @@ class Modelled:
     response: ComplexArray
 
 
-@dataclass(frozen=True)
-class Responses:
+@dataclass(frozen=True, eq=False)
+class Responses(ByValue):
     """Frequency responses of one record, measured and modelled; result of `frequency_responses`.
 
     Attributes

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from math import atan, degrees, inf, log10
 from typing import Any
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.findings import Finding, WithFindings
 from ambid.model import Model
 from ambid.results import Tabular, picture, plain
@@ -78,8 +78,8 @@ class AxisMargins:
     zone_probability: dict[str, float]
 
 
-@dataclass(frozen=True, repr=False)
-class Margins(Tabular, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class Margins(ByValue, Tabular, WithFindings):
     """Result of `margins`.
 
     Attributes

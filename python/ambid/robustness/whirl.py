@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from ambid.arrays import ComplexArray, FloatArray
+from ambid.arrays import ByValue, ComplexArray, FloatArray
 from ambid.errors import InputError
 from ambid.findings import Finding, WithFindings
 from ambid.loop.mode import Modes
@@ -74,8 +74,8 @@ class Critical:
         return f"critical speed {speed}, {self.whirl} whirl, damping {self.damping:.3f}"
 
 
-@dataclass(frozen=True, repr=False)
-class Campbell(Tabular, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class Campbell(ByValue, Tabular, WithFindings):
     """Result of `campbell`.
 
     Attributes
