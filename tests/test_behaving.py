@@ -45,6 +45,7 @@ def all_kinds(record, estimate):
         "responses": ambid.frequency_responses(estimate.comparison),
         "localisation": ambid.localise(estimate.comparison),
         "map": ambid.localise(estimate.comparison).maps[0],
+        "soundness": ambid.check(RIG, record),
         "matrix": ambid.misfit_matrix(estimate.comparison)[0],
     }
 
@@ -60,10 +61,18 @@ def test_what_is_pickled_or_copied_is_the_same(all_kinds, kind):
         assert again == own
         assert hash(again) == hash(own)
         assert repr(again) == repr(own)
+        assert str(again) == str(own)
     assert own != "another"
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", [*KINDS, "one", *PARTS, "soundness"])
+def test_its_repr_is_one_short_line(all_kinds, kind):
+    shown = repr(all_kinds[kind])
+    assert len(shown) < 200
+    assert "\n" not in shown
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *PARTS, "soundness"])
 def test_it_shows_itself_in_a_notebook(all_kinds, kind):
     assert all_kinds[kind]._repr_html_().startswith("<table>")
 

@@ -90,7 +90,7 @@ def test_what_is_shown_is_escaped_and_notes_are_told(diagnosis):
 def test_the_parameters_and_what_was_not_tried_are_printed(diagnosis, ranking):
     own = NOT_APPLICABLE(NOWHERE, effect="unbalance", reason="the rotor does not turn")
     (unlisted,) = [replace(ranking, findings=(own,))]
-    shown = repr(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=unlisted)]))
+    shown = str(replace(diagnosis, history=[replace(diagnosis.history[0], ranking=unlisted)]))
     low, high = diagnosis.parameters["tau_e"].ci95
     assert f"{low:.6g} .. {high:.6g} s" in shown
     assert own.values["reason"] in next(line for line in shown.splitlines() if "unbalance" in line)
@@ -100,10 +100,10 @@ def test_an_explanation_in_the_main_takes_the_place_of_a_whole_one(diagnosis):
     own = {"explained": 0.99, "misfit": 1.3, "limit": 1.1, "ratio": None, "most": None, "when": None}
     mostly = MOSTLY_EXPLAINED(NOWHERE, **own)
     partly = replace(diagnosis, verdict="explained", findings=(mostly, *diagnosis.findings))
-    for text in (repr(partly), "\n".join(partly.summary()), partly.to_json()["verdict_meaning"]):
+    for text in (str(partly), "\n".join(partly.summary()), partly.to_json()["verdict_meaning"]):
         assert text.count(mostly.message) == 1
         assert VERDICTS["explained"] not in text
-    assert VERDICTS["explained"] in repr(replace(partly, findings=()))
+    assert VERDICTS["explained"] in str(replace(partly, findings=()))
 
 
 def test_a_parameter_that_is_not_determined_has_an_empty_cell(demo_estimate):

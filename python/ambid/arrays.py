@@ -36,8 +36,10 @@ class ByValue:
         )
 
     def __hash__(self) -> int:
-        """Of what is hashed soon: names and numbers among the fields."""
-        return hash((type(self), *(own for own in self._counted() if isinstance(own, str | int | float))))
+        """Of what is hashed soon: names and numbers among the fields; every NaN has a hash of its own."""
+        return hash(
+            (type(self), *(own for own in self._counted() if isinstance(own, str | int | float) and own == own))
+        )
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """As it was; a copy of an array that could not be written cannot be either."""

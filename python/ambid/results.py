@@ -5,11 +5,14 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from html import escape
 from math import isfinite, pi
+from textwrap import shorten
 from typing import Any, Generic, TypeVar
 
 from ambid.errors import InputError, UnknownParameterError, did_you_mean
 
 T = TypeVar("T")
+SHORT = 120
+"""Characters of a sentence that is one of several in a line."""
 READABLE = {"1": (100.0, "%"), "m": (1e3, "mm"), "rad": (180.0 / pi, "degrees"), "s": (1e6, "us")}
 """Factor and unit of small numbers by their SI unit."""
 
@@ -53,7 +56,10 @@ class OfParameters(Generic[T]):
 
 
 class Tabular(ABC):
-    """A result that has rows and columns; what it holds by name is `Named`."""
+    """A result that has rows and columns; what it holds by name is `Named`.
+
+    Its `repr` is the first sentence of its summary; `print` shows all of it.
+    """
 
     def __post_init__(self) -> None:
         for name, own in vars(self).items():
@@ -77,6 +83,12 @@ class Tabular(ABC):
             If pandas is not installed.
         """
         return data_frame(self.table())
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({shorten(self.summary()[0], SHORT, placeholder=' ...')})"
+
+    def __str__(self) -> str:
+        return "\n".join(self.summary())
 
     def _repr_html_(self) -> str:
         columns = self.table()

@@ -161,7 +161,7 @@ def test_json_and_tables(found, template):
     (unused,) = content["findings"]
     assert (unused["code"], unused["where"]["file"]) == (EMPTY.code, str(template / "plots"))
     assert content["notes"] == list(found.notes)
-    lines = repr(found).splitlines()
+    lines = str(found).splitlines()
     k_i = found.points[1].force_current("static", "B_eta")
     assert any(line.split()[:3] == ["10A", "B_eta", "10"] and f"{k_i.value:.2f} [" in line for line in lines)
     assert sum(line.split()[:1] == ["6A"] for line in lines) == 4 + 2 + 2
@@ -261,7 +261,7 @@ def test_what_is_missing_is_said(broken):
     (unused,) = (own for own in found.findings if own.kind is OUTSIDE)
     assert unused.where.file == str(broken / "prbs_small_1.mat")
     assert found.to_json()["points"][0]["static_load"] is None
-    assert "prbs_small" in repr(found)
+    assert "prbs_small" in str(found)
 
 
 @pytest.mark.slow
@@ -348,8 +348,8 @@ def test_ctrl_c_hands_back_the_fits_that_are_done(call, template, found, monkeyp
     data = json.loads(json.dumps(result.to_json(), allow_nan=False))
     assert data["stopped"]
     assert sum(len(point["begun"]) for point in data["points"]) == len(result.points[-1].begun)
-    assert result.notes[-1] in repr(result)
-    assert f"{estimates[call - 1].parameters['tau_e'].value:.5g}" in repr(result)
+    assert result.notes[-1] in str(result)
+    assert f"{estimates[call - 1].parameters['tau_e'].value:.5g}" in str(result)
     assert result.next_step.kind is BEGIN_ANEW
     if call == 9:  # in the middle of the last kind
         assert len(plot_campaign(result)) == 4

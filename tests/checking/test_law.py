@@ -77,7 +77,7 @@ def test_check_prints_it_and_says_nothing_without_a_command():
     own = record(rig())
     found = check(rig(), [own])
     (law,) = found.laws["record"]
-    assert law.line() in repr(found)
+    assert law.line() in str(found)
     assert check(rig(), [replace(own, i_ref=None)]).laws == {}
 
 

@@ -387,7 +387,7 @@ def test_a_drive_without_stiffness_is_a_warning():
 def test_the_page_and_its_json(golden):
     rig, record = bench_experiment()
     soundness = check(rig, [record, replace(record, name="turned", y=record.y[:, TURNED])])
-    page = repr(soundness)
+    page = str(soundness)
     assert len(page.splitlines()) < 50
     golden.holds(page)
     data = json.loads(json.dumps(soundness.to_json(), allow_nan=False))

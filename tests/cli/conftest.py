@@ -38,7 +38,7 @@ def diagnosed(late, tmp_path_factory, command_in):
     files = ("--json", "d.json", "--save", "m.json", "--plot", "d.png", "--report", "d.html")
     given = (late / "rig.toml", late / "run.csv", "--validate", late / "other.csv")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(repr(found)))
+        patch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(str(found)))
         return folder, command_in(folder, "diagnose", *given, *files)
 
 

@@ -90,7 +90,7 @@ def stopped_at(moment, monkeypatch, run):
 @pytest.mark.parametrize(("where", "name"), first_fast([(ambid.report, "write_report"), (ambid.Diagnosis, "to_json")]))
 def test_ctrl_c_while_files_are_written_is_told_and_keeps_the_diagnosis_whole(where, name, here, command, monkeypatch):
     """The report, whose pictures take long, is written by another that says as much of it."""
-    monkeypatch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(repr(found)))
+    monkeypatch.setattr(ambid.report, "write_report", lambda found, path: path.write_text(str(found)))
     interrupt_at(monkeypatch, where, name, 0, own=True)
     result = command("diagnose", *here, "--json", "d.json", "--save", "m.json", "--report", "r.html")
     assert result.code == 130

@@ -31,7 +31,7 @@ def shown(request, tmp_path_factory, command_in):
         if request.param == "one axis":
             data = one_axis(tmp_path_factory.mktemp("data"))
             patch.setattr(story, "DATA", data)
-        patch.setattr(story, "write_report", lambda found, path: path.write_text(repr(found)))
+        patch.setattr(story, "write_report", lambda found, path: path.write_text(str(found)))
         ended = command_in(folder, "demo", "--out", folder / "story", "--json", folder / "demo.json")
     assert (ended.code, ended.err) == (0, "")
     return data, json.loads((folder / "demo.json").read_text()), ended.out, folder / "story"

@@ -118,7 +118,7 @@ def test_a_wanted_accuracy_is_met_and_no_more_is_played_than_it_takes():
         assert own.kind is NOT_ACCURATE
         assert own.values["predicted"] > own.values["wanted"] == found.wanted[own.values["parameter"]]
     assert short.to_json()["notes"] == list(short.notes)
-    assert all(own.line() in repr(short) for own in short.findings)
+    assert all(own.line() in str(short) for own in short.findings)
 
 
 @pytest.mark.slow

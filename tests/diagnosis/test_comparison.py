@@ -140,7 +140,7 @@ def test_several_records(exact, run):
 
 def test_what_it_says(comparison):
     for text in (*CHANNELS, "misfit", "ceiling", "um", "mA", "1 when the model is right"):
-        assert text in repr(comparison)
+        assert text in str(comparison)
     (plain,) = comparison.to_json()["records"]
     assert set(plain["fit_percent"]) == set(plain["noise_ceiling_percent"]) == {*CHANNELS, "average"}
     assert [c["channel"] for c in plain["channels"]] == CHANNELS

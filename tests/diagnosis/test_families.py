@@ -98,7 +98,7 @@ def test_it_is_told_in_text_and_json(alone, golden):
     assert (own["members"], own["shared"]) == (list(family.members), family.shared)
     assert (own["values"], own["unit"]) == (list(family.values), "s")
     golden.holds(family.line())
-    assert family.line() in repr(found)
+    assert family.line() in str(found)
     assert family.line() in found.summary()
 
 

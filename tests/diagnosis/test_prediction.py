@@ -75,7 +75,7 @@ def test_what_moved_is_told_with_the_last_map(late, golden):
     assert own.nominal == RIG.actuator.time_constant
     assert own.is_nearer
     golden.holds(own.line())
-    assert any(own.line() in line for line in repr(found).splitlines())
+    assert any(own.line() in line for line in str(found).splitlines())
     (left,) = found.left
     assert np.nanmax(left.misfit) < 3.0  # two lines in the lowest band
     shown = json.loads(json.dumps(found.to_json(), allow_nan=False))

@@ -36,7 +36,7 @@ def test_a_seal_is_found_where_it_is():
     (seal,) = found.model.effects
     assert seal.z == pytest.approx(z, abs=0.02 * (last - first))
     assert abs(found.parameters["seal_forces.direct_stiffness"].value / 4e5 - 1.0) < 0.01
-    assert any("seal_forces.z" in line and f"{seal.z:.6g} m" in line for line in repr(found).splitlines())
+    assert any("seal_forces.z" in line and f"{seal.z:.6g} m" in line for line in str(found).splitlines())
 
 
 @pytest.mark.parametrize("direct", [4e4, 4e5])

@@ -268,7 +268,7 @@ def test_a_diagnosis_lists_what_was_not_tried():
     found = diagnose(ONE_AXIS.rig, record({}, 3))
     assert found.not_tried["bending_mode_shift"] == find("bending_mode_shift").why_not(ONE_AXIS.rig)
     assert found.to_json()["not_tried"] == found.not_tried
-    assert "rotor_bending_mode" in repr(found.history[0].ranking)
+    assert "rotor_bending_mode" in str(found.history[0].ranking)
 
 
 @pytest.mark.slow

@@ -285,7 +285,7 @@ def test_an_axis_that_nothing_moves_is_not_identifiable(bench, start, i_e):
         assert (p.value is None) == (p.std_error is None) == (p.ci95 is None) == (name in lost)
     kept = replace(found, parameters={n: p for n, p in found.parameters.items() if n not in lost})
     assert held(kept, bench.truth) >= len(kept.parameters) - 1
-    assert found.parameters["K_i.A_eta"].line() in repr(found)
+    assert found.parameters["K_i.A_eta"].line() in str(found)
     plain = found.to_json()
     assert plain["parameters"]["K_i.A_eta"]["value"] is None
     assert plain["correlation"]["K_i.A_eta"]["tau_e"] is None
@@ -349,7 +349,7 @@ def test_what_an_estimate_says(estimate):
     assert np.all(np.abs(estimate.correlation) < 1.0 + 1e-12)
     assert_allclose(np.sqrt(np.diag(estimate.covariance)), errors(estimate))
     assert estimate.status in STATUS
-    assert all(name in repr(estimate) for name in (*NAMES, "f = K_i i + K_s s", "K_s > 0", "converged"))
+    assert all(name in str(estimate) for name in (*NAMES, "f = K_i i + K_s s", "K_s > 0", "converged"))
 
 
 @pytest.mark.parametrize(

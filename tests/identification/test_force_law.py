@@ -79,7 +79,7 @@ def test_the_law_comes_out_and_holds_where_nothing_was_recorded(estimate):
     assert found.force(2.0, 6e-4) == pytest.approx(STRENGTH * (2.0 / 6.3e-4) ** 2, rel=2e-3)
     values = {p.name: p.value for p in found.model.parameters}
     np.testing.assert_allclose([values["K_i.A_zeta@0.5mm"], values["K_s.A_zeta@0.5mm"]], found.by_law[0], rtol=1e-12)
-    assert "misfit" in repr(found)
+    assert "misfit" in str(found)
 
 
 def test_a_gap_that_breaks_the_law_is_told():

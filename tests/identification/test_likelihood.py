@@ -101,8 +101,8 @@ def test_it_ends_with_a_verdict_and_what_to_do_next(bench, i_e, run):
         assert (content["adequate"], content["next"]) == (estimate.is_adequate, estimate.next)
         assert content["next_step"]["code"] == estimate.next_step.code
         assert [own["code"] for own in content["findings"]] == [own.code for own in estimate.findings]
-        assert estimate.verdict in repr(estimate)
-        assert f"next: {estimate.next}" in repr(estimate)
+        assert estimate.verdict in str(estimate)
+        assert f"next: {estimate.next}" in str(estimate)
 
 
 def test_what_is_within_the_bound_and_above_chance_is_called_good_enough(golden):

@@ -181,7 +181,7 @@ def test_results_are_tables(demo_rig):
     many = ambid.identify_many(demo_rig, experiments(demo_rig, range(2)))
     table = many.table()
     assert len(table["tau_e"]) == len(table["reason"]) == len(many) == 2
-    assert f"{len(many)} runs" in repr(many)
+    assert f"{len(many)} runs" in str(many)
 
 
 @pytest.mark.slow

@@ -65,7 +65,7 @@ def test_both_are_exact_without_noise_and_a_load_cell_s_gain_is_in_one_alone():
     assert_allclose(values(loud.parameters), 1.04 * TRUE, rtol=5e-3)
     assert codes(loud).count("force_by_flux_differs") == 4
     assert list(loud.to_json()["parameters_by_flux"]) == [f"K_i.{axis}" for axis in RIG.axes]
-    rows = repr(loud).splitlines()
+    rows = str(loud).splitlines()
     assert all(any(f" {k_i.value:.6g} " in row for row in rows) for k_i in loud.parameters_by_flux.values())
 
 

@@ -314,8 +314,8 @@ def test_result_as_json_and_as_text():
     }
     assert (data["loadings"], data["steps"]) == (["static_0", "static_1", "static_2"], 156)
     assert data["residual_newton"] == estimate.residual_newton
-    assert "f = K_i i + K_s s" in repr(estimate)
-    assert all(name in repr(estimate) for name in estimate.parameters)
+    assert "f = K_i i + K_s s" in str(estimate)
+    assert all(name in str(estimate) for name in estimate.parameters)
 
 
 @pytest.mark.skipif(not CAMPAIGN.is_dir(), reason="the campaign's files are not here")

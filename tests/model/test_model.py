@@ -155,7 +155,7 @@ def test_wrong_changes(model, name, golden):
 
 
 def test_repr_names_rig_values_and_units(model, golden):
-    golden.holds(repr(model))
+    golden.holds(str(model))
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def test_a_failed_run_is_a_row():
     failed = next(row for row in found.rows if row["status"] == "failed")
     assert np.isnan(failed["tau_e.value"])
     assert failed["K_s.A_zeta.true"] > 0.0
-    assert all(line in repr(found) for line in found.finding_lines())
+    assert all(line in str(found) for line in found.finding_lines())
 
 
 @pytest.mark.parametrize("spread", ["K_i=uniform:-2:-1", "rotor.mass=uniform:-2:-1"])

@@ -160,7 +160,7 @@ def test_a_p_value_that_no_number_holds_is_not_told_as_one():
     large, small = candidate("loop_delay", 1e6, 1), candidate("sensor_lag", 20.0, 1)
     assert large.p_text == "< 1e-300"
     assert float(small.p_text) == pytest.approx(small.p_value, rel=0.1)
-    assert "< 1e-300" in repr(Ranking((large, small), 5.0, {}))
+    assert "< 1e-300" in str(Ranking((large, small), 5.0, {}))
 
 
 def test_an_empty_ranking_is_drawn_empty():

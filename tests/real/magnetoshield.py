@@ -66,7 +66,7 @@ def main(path: str) -> None:
         weak = "  weakly determined" if high - low > WEAK * abs(p.value) else ""
         print(f"{name:36s} {p.value:10.4g} {f'{low:.4g} .. {high:.4g}':>24s} {p.unit}{weak}")
     joint, law, kept = all_set_points(rows, published)
-    print("\nfive set-points at once:", joint, repr(law), sep="\n")
+    print("\nfive set-points at once:", joint, str(law), sep="\n")
     print(f"\n{HORIZON}-sample prediction of the rows that were not used, y [um] / i_c [uA]")
     print(f"{'':28s}", *(f"{record.name:>16s}" for record in kept))
     for name, model in [*((step.change, step.model) for step in joint.history), (f"{law.law.name} law", law.model)]:

@@ -82,7 +82,7 @@ def test_peak_and_disk_margin_of_an_analog_axis_are_those_of_python_control(levi
     low, high, most = tolerated(found.disk.value)
     assert not low <= gain <= high
     assert most <= phase
-    assert f"gains x {low:.3g} .. {high:.3g}, phases +-{most:.3g} deg" in repr(found)
+    assert f"gains x {low:.3g} .. {high:.3g}, phases +-{most:.3g} deg" in str(found)
 
 
 def largest(curve, low, high, points=3000):
@@ -300,7 +300,7 @@ def test_unstable_draws_are_in_the_worst_zone_and_told(levitator):
     shown = json.loads(json.dumps(found.to_json(), allow_nan=False))["axes"]["A_zeta"]
     assert shown["sensitivity"]["worst"] is None
     assert shown["sensitivity"]["worst_is_unstable"]
-    assert "unstable" in repr(found)
+    assert "unstable" in str(found)
 
 
 def test_an_unstable_loop_has_no_margins(levitator, golden):

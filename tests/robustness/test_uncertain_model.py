@@ -86,7 +86,7 @@ def test_delta_holds_every_number_at_its_place(analog):
     tau_e = [k for k, index in enumerate(own.parameter) if own.parameters[index] == "tau_e"]
     assert_allclose(delta[tau_e], own.scale[tau_e] / analog.theta[analog.names.index("tau_e")])
     assert_allclose(own.ci95[0], analog.theta[0] * (1.0 + 0.02 * 1.959964 * np.array([-1.0, 1.0])))
-    assert "K_i.A_zeta" in repr(own)
+    assert "K_i.A_zeta" in str(own)
 
 
 def test_samples_spread_as_the_covariance_says(analog):

@@ -238,6 +238,9 @@ class Campaign(WithFindings):
     plot = picture("plot_campaign")
 
     def __repr__(self) -> str:
+        return f"Campaign({str(self.folder)!r}: {len(self.points)} bias currents; {', '.join(self.methods)})"
+
+    def __str__(self) -> str:
         tables = [*self.tables, _begun(self)]
         lines = [
             line

@@ -13,7 +13,7 @@ from ambid.checking.nominal import NominalLoop
 from ambid.findings import SEVERITIES, Finding, WithFindings
 from ambid.noise import noise_ceiling
 from ambid.record import FrequencyResponse, Record
-from ambid.results import plain
+from ambid.results import Tabular, plain
 from ambid.rig import Rig
 from ambid.robustness import sensitivity_peaks, zone_of
 from ambid.robustness.sensitivity import BrokenLoop
@@ -213,7 +213,7 @@ class ResponseFigures:
 
 
 @dataclass(frozen=True, repr=False)
-class Soundness(WithFindings):
+class Soundness(WithFindings, Tabular):
     """Result of `check`.
 
     Attributes
@@ -264,7 +264,21 @@ class Soundness(WithFindings):
         figures = asdict(replace(self, findings=()))
         return {**plain(figures), "is_sound": self.is_sound, **self.findings_as_dict()}
 
-    def __repr__(self) -> str:
+    def table(self) -> dict[str, list[Any]]:
+        """Findings, a row each, worst first."""
+        return {
+            "severity": [finding.severity for finding in self.findings],
+            "finding": [finding.line(advises=False) for finding in self.findings],
+            "remedy": [finding.remedy for finding in self.findings],
+        }
+
+    def summary(self) -> list[str]:
+        """Whether it is sound, and the number of findings."""
+        counts = [(sum(f.severity == s for f in self.findings), s) for s in SEVERITIES]
+        total = ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n) or "nothing found"
+        return [f"{'sound' if self.is_sound else 'NOT SOUND'}: {total}"]
+
+    def __str__(self) -> str:
         loop = self.loop
         bending = ", ".join(f"{f:.4g}" for f in loop.bending_hz)
         unstable = ", ".join(f"{p:+.4g}" for p in loop.open_loop_unstable) or "none"
@@ -285,9 +299,7 @@ class Soundness(WithFindings):
         lines += [record.line() for record in self.records]
         lines += [response.line() for response in self.responses]
         lines += [f"  {name}: law of {law.line()}" for name, laws in self.laws.items() for law in laws]
-        counts = [(sum(f.severity == s for f in self.findings), s) for s in SEVERITIES]
-        total = ", ".join(f"{n} {s}{'' if n == 1 else 's'}" for n, s in counts if n) or "nothing found"
-        lines.append(f"{'sound' if self.is_sound else 'NOT SOUND'}: {total}")
+        lines += self.summary()
         for finding in self.findings[:MOST_LISTED]:
             lines.append(f"  {finding.severity}: {finding.line(advises=False)}")
             lines += [f"      -> {finding.remedy}"] if finding.remedy else []

@@ -113,7 +113,7 @@ def compare_command(
         "matrix": [own.to_json() for own in matrices],
     }
     found = [line for own in comparison.records for line in own.finding_lines()]
-    text = "\n".join([repr(comparison), *largest, *found])
+    text = "\n".join([str(comparison), *largest, *found])
     conclude(
         text,
         data,
@@ -159,7 +159,7 @@ def rank_command(
         expected = None if predict is None else ambid.predict(ranking, predict)
     twice = findings_of_repeats([own.record for own in comparison.records])
     text, data = (
-        [repr(ranking), *(f"{own.severity}: {own.line()}" for own in twice)],
+        [str(ranking), *(f"{own.severity}: {own.line()}" for own in twice)],
         {"notes": [], **ranking.to_json()},
     )
     if expected is not None:
@@ -292,7 +292,7 @@ def diagnose_command(
     update, mends = updated(found, save_rig), mended(found, mended_files)
     own = {"next_command": command} | further | update.data | mends.data | {"stopped": is_stopped}
     conclude(
-        f"{with_command(repr(found), command)}{text}{update.text}{mends.text}",
+        f"{with_command(str(found), command)}{text}{update.text}{mends.text}",
         lambda: found.to_json() | own,
         json_file,
         quiet,

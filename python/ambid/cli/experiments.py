@@ -200,7 +200,7 @@ def simulate_command(
         "settings": plain({own.name: own.settings() for own in start.effects}),
         "notes": [],
     }
-    lines = [repr(record), *_values(start), *(f"{own.severity}: {own.line()}" for own in findings)]
+    lines = [str(record), *_values(start), *(f"{own.severity}: {own.line()}" for own in findings)]
     conclude("\n".join(lines), summary, json_file, quiet, lambda: [out], findings=findings)
 
 

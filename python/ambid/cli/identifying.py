@@ -115,7 +115,7 @@ def identify_command(
     command = command_of([estimate.next_step])
     update = updated(estimate, save_rig)
     first = [MEND] if any(slip.severity == "error" for slip in slips) else []
-    text = "\n".join([with_command(repr(estimate), command), *(f"check: {line}" for line in lines), *first])
+    text = "\n".join([with_command(str(estimate), command), *(f"check: {line}" for line in lines), *first])
     conclude(
         f"{text}{update.text}",
         {**estimate.to_json(), "next_command": command, "check": lines, **update.data},
@@ -192,7 +192,7 @@ def static_load_command(
     with stoppable():
         estimate = ambid.static_load(machine, loaded, deflection=deflection)
     command = command_of(estimate.findings)
-    conclude(with_command(repr(estimate), command), {**estimate.to_json(), "next_command": command}, json_file, quiet)
+    conclude(with_command(str(estimate), command), {**estimate.to_json(), "next_command": command}, json_file, quiet)
 
 
 def campaign_command(
@@ -229,7 +229,7 @@ def campaign_command(
         found, is_stopped = done_of(measuring, ambid.Campaign)
     command = command_of([found.next_step])
     conclude(
-        with_command(repr(found), command),
+        with_command(str(found), command),
         {**found.to_json(), "next_command": command},
         json_file,
         quiet,

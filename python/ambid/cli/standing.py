@@ -86,7 +86,7 @@ def frequency_response_command(
 
     found = [line for own in measured for line in own.finding_lines()]
     conclude(
-        "\n".join([*map(repr, measured), "", repr(comparison), *by_excitation, *found]),
+        "\n".join([*map(str, measured), "", str(comparison), *by_excitation, *found]),
         lambda: {
             "responses": [own.to_json() for own in responses],
             "matrix": [own.to_json() for own in matrices],

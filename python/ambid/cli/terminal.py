@@ -59,7 +59,7 @@ def require_terminal(option: str) -> None:
 
 def choose(ranking: ambid.Ranking, candidate: Candidate) -> bool | Candidate:
     """Show a ranking, and ask whether the candidate that did best when refitted is to be added, or another of it."""
-    status.print(Text(printable(f"\n{ranking!r}\n")), soft_wrap=True)
+    status.print(Text(printable(f"\n{ranking}\n")), soft_wrap=True)
     numbered = {str(k): each for k, each in enumerate(ranking.candidates, 1)}
     status.print(Text(printable(", ".join(f"{k} {each.effect.name}" for k, each in numbered.items()))), soft_wrap=True)
     question = f"Best of those refitted: {candidate.effect.name}. Add it? Or the number of another"

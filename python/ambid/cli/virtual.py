@@ -116,7 +116,7 @@ def monte_carlo_command(
     if is_stopped and out is not None:
         left.append(GO_ON)
     data = found.to_json() | {"stopped": is_stopped}
-    conclude("\n".join([repr(found), *left]), data, json_file, quiet, is_stopped=is_stopped)
+    conclude("\n".join([str(found), *left]), data, json_file, quiet, is_stopped=is_stopped)
     if is_stopped:
         raise typer.Exit(exit_code())
     if found.all_failed:

@@ -49,23 +49,23 @@ def run(out: Path, say: Callable[[str], None] = print) -> dict[str, Any]:
     rig = Rig.load(DATA / "rig.toml")
     train, validate = (Record.load(DATA / f"hidden_{name}.mat", rig) for name in ("train", "validate"))
     say(
-        f"1. Closed-loop identification\nA rig file, and a record of the levitated rotor:\n{train!r}\n"
+        f"1. Closed-loop identification\nA rig file, and a record of the levitated rotor:\n{train}\n"
         "From the rig's nominal values, K_i, K_s and tau_e are fitted to it:\n"
     )
     estimate = identify(rig, train)
     say(
-        f"{estimate!r}\n\nIt looks well: narrow intervals, and a fit of {estimate.fit_percent['average']:.1f} %. "
+        f"{estimate}\n\nIt looks well: narrow intervals, and a fit of {estimate.fit_percent['average']:.1f} %. "
         "But is it right?\n"
     )
     comparison = compare(estimate.model, train)
     misfit = comparison.records[0].misfit
     say(
-        f"2. What the model misses\n{comparison!r}\n\nOn the excited lines the residual has {misfit:.0f} times the "
+        f"2. What the model misses\n{comparison}\n\nOn the excited lines the residual has {misfit:.0f} times the "
         "power of the noise, and it repeats: physics is missing.\n"
     )
     say("3. Which physics is it? Every effect of the catalogue is scored, the best are refitted, one is added:")
     found = diagnose(rig, train, validate=[validate], say=lambda line: say(f"   {line}"))
-    say(f"\nThe ranking before anything was added, best first:\n{_head(found)}\n\n{found!r}\n")
+    say(f"\nThe ranking before anything was added, best first:\n{_head(found)}\n\n{found}\n")
     say(f"What adding it did to the parameters:\n{_came_right(estimate, found)}\n")
     say(f"4. Validation\n{_validated(found)}\n")
     healthy = identify(rig, Record.load(DATA / "prbs.mat", rig))

@@ -110,8 +110,8 @@ class Design(Tabular, WithFindings):
             }
         )
 
-    def __repr__(self) -> str:
-        lines = [*self.summary(), repr(self.forecast), repr(self.prospect)]
+    def __str__(self) -> str:
+        lines = [*self.summary(), str(self.forecast), str(self.prospect)]
         if self.visibility.effects:
             lines.append(f"{'effect':24s} {'smallest size that half of such records show':46s} looks like")
         for own in self.visibility.effects:

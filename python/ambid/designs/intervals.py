@@ -84,7 +84,7 @@ class Prospect(Tabular):
         """Plain data as the command's ``--json`` writes it."""
         return plain({"seconds": self.seconds, "parameters": {n: p.as_dict() for n, p in self.parameters.items()}})
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         lines = [self.summary()[0], f"{'parameter':24s} {'value':>12s} {'std error':>12s}"]
         for name, p in self.parameters.items():
             value, error = p.value or 0.0, p.std_error or 0.0

@@ -158,7 +158,7 @@ class Forecast(Tabular, WithFindings):
         """Plain data as the command's ``--json`` writes it."""
         return plain({**asdict(replace(self, findings=())), "seconds": self.seconds, **self.findings_as_dict()})
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         lines = self.summary()[:1]
         lines.append(f"{'axis':10s} {'i_e peak':>11s} {'i_c peak':>11s} {'of bias':>8s} {'y peak':>11s} {'of gap':>8s}")
         lines += [

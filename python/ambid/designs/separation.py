@@ -156,7 +156,7 @@ class Proposals(Tabular):
         own = {"hypotheses": list(self.hypotheses), "unknown": self.unknown}
         return plain(own | {"experiments": rows, "not_tried": self.not_tried})
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         bits = f"of {self.unknown:.2g} bits"
         lines = [*self.summary(), f"{'experiment':36s} {bits:>12s} {'evidence':>10s} {'seconds':>10s} {'load':>6s}"]
         for own in self.experiments:

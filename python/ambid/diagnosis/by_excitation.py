@@ -24,7 +24,7 @@ from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.lines import RecordLines
 from ambid.noise.response_lines import ResponseLines
-from ambid.results import band_text, picture, plain
+from ambid.results import Tabular, band_text, picture, plain
 from ambid.threads import with_one_blas_thread
 
 BANDS = 8
@@ -47,8 +47,8 @@ INSEPARABLE = Kind(
 )
 
 
-@dataclass(frozen=True, eq=False)
-class MisfitMatrix(ByValue, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class MisfitMatrix(ByValue, WithFindings, Tabular):
     """What each output of one record answers to each excitation beyond the model; result of `misfit_matrix`.
 
     Attributes
@@ -118,6 +118,23 @@ class MisfitMatrix(ByValue, WithFindings):
                 how = "opposite" if correlation < 0.0 else "the same"
                 text.append(f"the axes of {bearing} answer each other with {how} sign (correlation {correlation:.2f})")
         return [*text, *self.notes]
+
+    def table(self) -> dict[str, list[Any]]:
+        """A row each band, output and input."""
+        places = list(np.ndindex(*self.power.shape))
+        return {
+            "low_hz": [float(self.edges_hz[b]) for b, _, _ in places],
+            "high_hz": [float(self.edges_hz[b + 1]) for b, _, _ in places],
+            "output": [self.outputs[o] for _, o, _ in places],
+            "input": [self.inputs[i] for _, _, i in places],
+            "power": self.power.ravel().tolist(),
+            "significant": self.is_told.ravel().tolist(),
+        }
+
+    def summary(self) -> list[str]:
+        """How many cells are significant, and the largest of them."""
+        count = int(self.is_told.sum())
+        return [f"{self.record}: {count} of {self.is_told.size} cells are significant", *self.lines()]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data; complex numbers are [re, im]."""

@@ -242,7 +242,7 @@ class Ranking(WithFindings, Tabular):
         """Misfit, and what was not tried."""
         return [f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)", *self.notes]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         lines = [
             f"misfit {self.misfit:.3f} (J/dof, 1 when the model is right)",
             f"{'effect':24s} {'score':>11s} {'p value':>9s} {'alone':>7s} {'misfit then':>12s}  predicted",

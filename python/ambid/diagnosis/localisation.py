@@ -20,6 +20,7 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.shapes import TERMS
 from ambid.noise.wave import OUTSTANDING
 from ambid.record import Record
+from ambid.results import Tabular, band_text
 from ambid.threads import with_one_blas_thread
 
 BEYOND_CHANCE = 3.0
@@ -73,8 +74,8 @@ class Cell:
     kind: str
 
 
-@dataclass(frozen=True, eq=False)
-class MisfitMap(ByValue):
+@dataclass(frozen=True, repr=False, eq=False)
+class MisfitMap(ByValue, Tabular):
     """Misfit by band and channel of one record, each channel judged against its own noise.
 
     Attributes
@@ -99,6 +100,19 @@ class MisfitMap(ByValue):
         """Misfit of each band that chance may bring to some cell, by its number of lines, shape (bands,)."""
         lines = np.maximum(np.diff(self.edges_hz) / self.line_hz, 1.0)
         return np.array([misfit_bound(2.0 * count, RARE / self.misfit.size) for count in lines])
+
+    def table(self) -> dict[str, list[Any]]:
+        """A row each band, a column each channel."""
+        edges = self.edges_hz.tolist()
+        return {"low_hz": edges[:-1], "high_hz": edges[1:]} | dict(
+            zip(self.channels, self.misfit.T.tolist(), strict=True)
+        )
+
+    def summary(self) -> list[str]:
+        """The largest misfit, and where it is."""
+        b, c = np.unravel_index(int(np.nanargmax(self.misfit)), self.misfit.shape)
+        band = band_text(*self.edges_hz[b : b + 2].tolist())
+        return [f"{self.record}: largest misfit {self.misfit[b, c]:.3g} times noise, {self.channels[c]}, {band} Hz"]
 
     def as_dict(self) -> dict[str, Any]:
         """Plain data, as in JSON."""
@@ -128,8 +142,8 @@ class Growth:
     unexplained: float
 
 
-@dataclass(frozen=True, eq=False)
-class Localisation(ByValue, WithFindings):
+@dataclass(frozen=True, repr=False, eq=False)
+class Localisation(ByValue, WithFindings, Tabular):
     """Where the model fails; result of `localise`.
 
     Attributes
@@ -192,6 +206,21 @@ class Localisation(ByValue, WithFindings):
             if all(first - other > chance for other in others):
                 return (shaped[0],)
         return tuple(close)
+
+    def table(self) -> dict[str, list[Any]]:
+        """Cells, a row each, largest misfit first."""
+        return {
+            "record": [own.record for own in self.cells],
+            "channel": [own.channel for own in self.cells],
+            "low_hz": [own.band_hz[0] for own in self.cells],
+            "high_hz": [own.band_hz[1] for own in self.cells],
+            "misfit": [own.misfit for own in self.cells],
+            "kind": [own.kind for own in self.cells],
+        }
+
+    def summary(self) -> list[str]:
+        """The largest misfit of every record, and the findings."""
+        return [*(line for own in self.maps for line in own.summary()), *self.finding_lines()]
 
     def sentence(self) -> str:
         """The findings in one sentence."""

@@ -406,7 +406,7 @@ class Diagnosis(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular)
         """Write the last model with its covariance, for ``--model`` and `Model.load`."""
         self.model.save(path, self.covariance)
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         named = f": {', '.join(self.effects)}" if self.effects else ""
         lines = [f"verdict: {self.verdict}{named}", f"  {self.meaning}"]
         lines += [f"  cannot be distinguished: {', '.join(names)}" for names in self.ambiguous_sets]

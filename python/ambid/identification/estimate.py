@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -113,6 +114,20 @@ class ParameterEstimate:
             "std_error_statistical": self.std_error_statistical,
             "unit": self.unit,
         }
+
+
+def columns_of(parameters: Mapping[str, ParameterEstimate]) -> dict[str, list[Any]]:
+    """Table of parameters, a row each."""
+    found = parameters.values()
+    return {
+        "parameter": list(parameters),
+        "value": [p.value for p in found],
+        "std_error": [p.std_error for p in found],
+        "std_error_statistical": [p.std_error_statistical for p in found],
+        "ci95_low": [None if p.ci95 is None else p.ci95[0] for p in found],
+        "ci95_high": [None if p.ci95 is None else p.ci95[1] for p in found],
+        "unit": [p.unit for p in found],
+    }
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -303,16 +318,7 @@ class Estimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
 
     def table(self) -> dict[str, list[Any]]:
         """Parameters, a row each."""
-        found = self.parameters.values()
-        return {
-            "parameter": list(self.parameters),
-            "value": [p.value for p in found],
-            "std_error": [p.std_error for p in found],
-            "std_error_statistical": [p.std_error_statistical for p in found],
-            "ci95_low": [None if p.ci95 is None else p.ci95[0] for p in found],
-            "ci95_high": [None if p.ci95 is None else p.ci95[1] for p in found],
-            "unit": [p.unit for p in found],
-        }
+        return columns_of(self.parameters)
 
     def summary(self) -> list[str]:
         """Fit, how it ended, and the findings."""
@@ -324,7 +330,7 @@ class Estimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
             *self.notes,
         ]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         rows = [] if self.is_adequate or not self.comparison.is_judged else [self.verdict, ""]
         by_noise = f" {'by noise':>11s}" if self.tolerances else ""
         rows += [f"{'parameter':14s} {'value':>13s} {'std error':>11s}{by_noise}   95 % interval"]

@@ -150,7 +150,7 @@ class LawFit(ByValue, Tabular):
         ]
         return [f"{self.law.name}: {self.law.equation}; {numbers} (SI)", held, *rows]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         columns = self.table()
         lines = [" ".join(f"{name:>13s}" for name in columns)]
         lines += [" ".join(f"{value:13.5g}" for value in row) for row in zip(*columns.values(), strict=True)]

@@ -88,7 +88,7 @@ class Estimates(ByValue, Tabular):
         first = next((why for own, why in zip(self.status, self.reasons, strict=True) if own == FAILED), "")
         return [f"{len(self)} runs: {counts}", *([f"the first failure: {first}"] if first else [])]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         lines = [f"{'parameter':14s} {'mean':>13s} {'scatter':>11s} {'std error':>11s}", "-" * 52]
         known = np.isfinite(self.values)
         for k, (name, unit) in enumerate(zip(self.names, self.units, strict=True)):

@@ -10,7 +10,7 @@ import numpy as np
 from ambid.arrays import ByValue, FloatArray
 from ambid.errors import IdentificationError, RigError
 from ambid.findings import NOWHERE, Finding, Kind, WithFindings
-from ambid.identification.estimate import ParameterEstimate
+from ambid.identification.estimate import ParameterEstimate, columns_of
 from ambid.identification.load_dependence import centred, dependence_on_load
 from ambid.identification.static_flux import flux_forces, of_flux, with_gain
 from ambid.identification.static_line import Line, fit_by_flux, fit_line
@@ -19,7 +19,7 @@ from ambid.loop.geometry import axis_angles, axis_directions, lies_in_one_plane,
 from ambid.record import StaticLoading
 from ambid.record.checks import order_of_axes
 from ambid.record.measurement import findings_of_loadings
-from ambid.results import Named, OfParameters
+from ambid.results import OfParameters, Tabular
 from ambid.rig import PointMassRotor, Rig, as_rig
 from ambid.threads import with_one_blas_thread
 
@@ -39,7 +39,7 @@ _STEPS_ONLY = Kind(
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
+class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings, Tabular):
     """Result of `static_load`, M steps of all loadings on n axes.
 
     Attributes
@@ -71,10 +71,6 @@ class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
     findings: tuple[Finding, ...]
     parameters_by_flux: dict[str, ParameterEstimate]
 
-    def __post_init__(self) -> None:
-        for name in ("parameters", "parameters_by_flux"):
-            object.__setattr__(self, name, Named(getattr(self, name)))
-
     @property
     def residual_newton_by_axis(self) -> dict[str, float]:
         """Root mean square of the residuals of each axis [N]."""
@@ -92,7 +88,19 @@ class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
             **self.findings_as_dict(),
         }
 
-    def __repr__(self) -> str:
+    def table(self) -> dict[str, list[Any]]:
+        """K_i by load, an axis a row, and the rms of the residuals."""
+        return columns_of(self.parameters) | {"residual_newton": list(self.residual_newton_by_axis.values())}
+
+    def summary(self) -> list[str]:
+        """Residual, how much was measured, and the findings."""
+        return [
+            f"forces: f = K_i i + K_s s; residual {self.residual_newton:.3g} N rms, "
+            f"steps: {len(self.residuals)}, loadings: {len(self.loadings)}",
+            *self.finding_lines(),
+        ]
+
+    def __str__(self) -> str:
         lines = [f"{'parameter':14s} {'value':>13s} {'std error':>11s} {'residual N':>11s}   95 % interval", "-" * 82]
         for (name, k_i), residual in zip(self.parameters.items(), self.residual_newton_by_axis.values(), strict=True):
             low, high = k_i.ci95 or (np.nan, np.nan)
@@ -102,11 +110,7 @@ class StaticEstimate(ByValue, OfParameters[ParameterEstimate], WithFindings):
                 low, high = flux.ci95 or (np.nan, np.nan)
                 interval = f"{low:.6g} .. {high:.6g} {flux.unit}"
                 lines.append(f"{'  by flux':14s} {flux.value:13.6g} {flux.std_error:11.3g} {'':11s}   {interval}")
-        lines.append(
-            f"forces: f = K_i i + K_s s; residual {self.residual_newton:.3g} N rms, "
-            f"steps: {len(self.residuals)}, loadings: {len(self.loadings)}"
-        )
-        return "\n".join([*lines, *self.finding_lines()])
+        return "\n".join([*lines, *self.summary()])
 
 
 @with_one_blas_thread

@@ -417,11 +417,12 @@ class Model(Contents):
 
     def _repr_html_(self) -> str:
         rows = [[p.name, p.value, p.unit] for p in self.parameters if p.prior is None]
-        effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
-        said = f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}"
-        return html_table(["parameter", "value", "unit"], rows, [said])
+        return html_table(["parameter", "value", "unit"], rows, [repr(self)])
 
     def __repr__(self) -> str:
-        rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters if p.prior is None]
         effects = ", ".join(effect.name for effect in self.effects) or "no effects added"
-        return "\n".join([f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}", *rows])
+        return f"Model of {self.rig.name!r}, {len(self.rig.axes)} axes, {effects}"
+
+    def __str__(self) -> str:
+        rows = [f"  {p.name:12s} {p.value:12.6g}{of_unit(p.unit)}" for p in self.parameters if p.prior is None]
+        return "\n".join([repr(self), *rows])

@@ -215,7 +215,7 @@ class MonteCarlo(ByValue, Tabular, WithFindings):
         }
         return plain(found)  # type: ignore[no-any-return]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         if not self.has_values:
             return "\n".join(self.summary())
         head = f"{'parameter':14s} {'bias %':>9s} {'+-':>8s} {'spread %':>9s} {'stated %':>9s} {'inside 95 %':>12s}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from functools import cached_property
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,7 @@ from ambid.noise.response_lines import ResponseLines
 from ambid.noise.unseen import LOUDER, OVER_CEILING, motion_left, power_left, shape_left
 from ambid.noise.window import findings_of
 from ambid.record import Measurement, Source, measured
-from ambid.results import Tabular, picture, plain
+from ambid.results import SHORT, Tabular, picture, plain
 from ambid.threads import with_one_blas_thread
 
 LOUDER_THAN_NOISE = {"power": OVER_CEILING, "motion": LOUDER}
@@ -293,6 +294,10 @@ class Comparison(WithFindings, Tabular):
         ]
 
     def __repr__(self) -> str:
+        names = ", ".join(record.name for record in self._records)
+        return f"Comparison({shorten(names, SHORT, placeholder=' ...')}: misfit {self.misfit:.2f})"
+
+    def __str__(self) -> str:
         lines = []
         for record in self.records:
             width = max(len(read_in(c.unit)[1]) for c in record.channels)

@@ -13,7 +13,7 @@ from ambid.noise.compared import RecordComparison
 from ambid.noise.comparison import Comparison
 from ambid.noise.response_lines import ResponseLines
 from ambid.record import FrequencyResponse, Record
-from ambid.results import plain
+from ambid.results import Tabular, band_text, plain
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +37,8 @@ class Modelled(ByValue):
     response: ComplexArray
 
 
-@dataclass(frozen=True, eq=False)
-class Responses(ByValue):
+@dataclass(frozen=True, repr=False, eq=False)
+class Responses(ByValue, Tabular):
     """Frequency responses of one record, measured and modelled; result of `frequency_responses`.
 
     Attributes
@@ -77,6 +77,26 @@ class Responses(ByValue):
                 f"{self.measured.name}: no pair {output} / {inlet}; it has {', '.join(self.measured.pairs)}"
             )
         return self.measured.outputs.index(output), self.measured.inputs.index(inlet)
+
+    def table(self) -> dict[str, list[Any]]:
+        """A row each measured pair: frequencies, and the mean of `left` of every model."""
+        pairs = [
+            (o, i) for o, i in np.ndindex(*self.measured.measured.shape[1:]) if self.measured.measured[:, o, i].any()
+        ]
+        columns: dict[str, list[Any]] = {
+            "output": [self.measured.outputs[o] for o, _ in pairs],
+            "input": [self.measured.inputs[i] for _, i in pairs],
+            "frequencies": [int(self.measured.measured[:, o, i].sum()) for o, i in pairs],
+        }
+        return columns | {
+            f"misfit of {own.name}": [float(np.nanmean(self.left(k)[:, o, i])) for o, i in pairs]
+            for k, own in enumerate(self.modelled)
+        }
+
+    def summary(self) -> list[str]:
+        """What was measured, and by which models it is modelled."""
+        f, models = self.measured.frequency_hz, ", ".join(own.name for own in self.modelled)
+        return [f"{self.measured.name}: {len(f)} frequencies, {band_text(f[0], f[-1])} Hz; {models}"]
 
     def to_json(self) -> dict[str, Any]:
         """Plain data: measured, its std, and every model at the measured frequencies; complex numbers are [re, im]."""

@@ -107,7 +107,7 @@ class PoleMap(ByValue, Tabular, WithFindings):
             }
         )
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         head = f"{'pole [1/s]':>28s} {'Hz':>10s} {'+-':>8s} {'damping':>9s} {'+-':>8s}"
         lines = [head, "-" * len(head)]
         for pole, frequency, damping, (of_frequency, of_damping) in zip(

@@ -186,7 +186,7 @@ class Margins(ByValue, Tabular, WithFindings):
         lines.append(f"disk margin {self.disk.value:.3g} of all axes at once: {allowed}")
         return [*lines, *self.finding_lines()]
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         head = f"{'axis':14s} {'peak':>6s} {'dB':>6s} {'at Hz':>8s}  {'95 % interval':16s} "
         head += f"{'worst':>8s} {'zone':8s} {'disk':>5s}"
         lines = [head, "-" * len(head)]

@@ -156,12 +156,15 @@ class UncertainModel:
 
     def __repr__(self) -> str:
         own = ", ".join(f"{p.shape[0]} x {p.shape[1]}" for p in (self.A, self.delta()))
+        return f"UncertainModel({self.name!r}: A and Delta {own})"
+
+    def __str__(self) -> str:
         rows = [
             f"  {name:14s} {value:12.6g}   {low:.6g} .. {high:.6g}{of_unit(unit)}"
             for name, value, (low, high), unit in zip(self.parameters, self.values, self.ci95, self.units, strict=True)
             if np.isfinite(low)
         ]
-        return "\n".join([f"Uncertain model of {self.name!r}, A and Delta {own}; 95 % ranges", *rows])
+        return "\n".join([f"{self!r}, 95 % ranges", *rows])
 
 
 def uncertain(model: Given) -> UncertainModel:

@@ -155,7 +155,7 @@ class Campbell(ByValue, Tabular, WithFindings):
             }
         )
 
-    def __repr__(self) -> str:
+    def __str__(self) -> str:
         head = f"{'speed rad/s':>12s} {'Hz':>10s} {'+-':>8s} {'damping':>8s}  whirl"
         lines = ["at the operating points:", head, "-" * len(head)]
         for own in self.measured:
