@@ -84,6 +84,20 @@ def test_a_structure_of_simulink_says_how_it_is_mapped(tmp_path, golden):
     np.testing.assert_array_equal(record.y[:, 0], values[:, 1])
 
 
+@pytest.mark.parametrize("unit", ["t [ms]", f"y.{AXIS} (um)"])
+def test_a_unit_in_the_name_of_a_column_is_asked_for_as_a_factor(tmp_path, unit, golden):
+    name, factor = unit.split()[0], 1e3 if unit.startswith("t") else 1e6
+    own = {unit if other == name else other: column for other, column in COLUMNS.items()}
+    own[unit] = own[unit] * factor
+    rows = np.column_stack(list(own.values()))
+    np.savetxt(tmp_path / "own.csv", rows, delimiter=",", header=",".join(own), comments="")
+    with golden.raises(RecordError):
+        Record.load(tmp_path / "own.csv", RIG)
+    mapping = {other: other for other in COLUMNS} | {name: f"{unit}:{1.0 / factor:g}"}
+    record = Record.load(tmp_path / "own.csv", RIG, mapping=mapping)
+    np.testing.assert_allclose(record.y[:, 0], COLUMNS[f"y.{AXIS}"], rtol=1e-13)
+
+
 def test_at_1000_hz_milliseconds_are_named_beside_sample_numbers(tmp_path, golden):
     own = RIG.replace(sample_rate=1000.0)
     np.savetxt(

@@ -140,3 +140,15 @@ def test_a_name_of_two_groups_needs_it(tmp_path, golden):
     path = write(tmp_path / "run.tdms", channels, {f"other/{Y}": "other"})
     with golden.raises(RecordError):
         Record.load(path, RIG, mapping={I_E: I_E, Y: Y})
+
+
+def test_a_name_of_two_groups_is_ambiguous(tmp_path, golden):
+    groups = {f"Log/{name}": "Log" for name in SAMPLES} | {f"Old/{Y}": "Old"}
+    channels = {f"Log/{name}": (values, timed()) for name, values in SAMPLES.items()}
+    path = write(tmp_path / "run.tdms", channels | {f"Old/{Y}": (SAMPLES[Y][::-1].copy(), timed())}, groups)
+    with golden.raises(RecordError):
+        Record.load(path, RIG)
+    with golden.raises(RecordError):
+        Record.load(path, RIG, mapping={name: name for name in SAMPLES})
+    record = Record.load(path, RIG, mapping={I_E: I_E, I_C: I_C, Y: f"Log/{Y}"})
+    np.testing.assert_array_equal(record.y[:, 0], SAMPLES[Y])

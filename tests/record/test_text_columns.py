@@ -87,6 +87,14 @@ def test_what_is_named_stays_an_error(tmp_path, name, cell, golden):
         Record.load(write(tmp_path / "run.csv", COLUMNS | {name: own}), RIG)
 
 
+def test_a_clock_in_place_of_t_asks_for_the_sample_rate(tmp_path, golden):
+    own = {"Time": CLOCK} | {name: column for name, column in COLUMNS.items() if name != "t"}
+    path = write(tmp_path / "run.csv", own)
+    with golden.raises(RecordError):
+        Record.load(path, RIG)
+    np.testing.assert_allclose(Record.load(path, RIG, sample_rate=RATE).y[:, 0], COLUMNS[f"y.{AXIS}"], rtol=1e-13)
+
+
 def test_what_a_map_names_stays_an_error(tmp_path, golden):
     path = write(tmp_path / "run.csv", {"status": ["OK"] * 600} | COLUMNS)
     with golden.raises(RecordError):

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from ambid.channels import SIGNALS, Channel
 from ambid.errors import InputError, RecordError
 from ambid.findings import Finding, Kind
-from ambid.record.content import COLUMNS_NOT_USED, TRANSPOSED, Content, NotNumbers, Stored, aligned, unused
+from ambid.record.content import (
+    COLUMNS_NOT_USED,
+    TRANSPOSED,
+    Content,
+    NotNumbers,
+    Stored,
+    aligned,
+    require_unique,
+    unused,
+)
 from ambid.record.quantities import OURS
 from ambid.record.raw import RawRecord, lacks_motion, numbers, require_agreement
 
@@ -160,7 +169,7 @@ class ChannelMap:
                 "time; leave it out of the map"
             )
         columns = _columns(content)
-        names = {channel: self._name(path, channel, columns, content.aliases) for channel in self._sources}
+        names = {channel: self._name(path, channel, columns, content) for channel in self._sources}
         values = {
             channel: columns[names[channel]].numbers(path, names[channel]) * source.factor
             for channel, source in self._sources.items()
@@ -185,13 +194,14 @@ class ChannelMap:
         raw.findings = [*self._findings(names, columns), *side_by_side.findings, *content.findings]
         return raw
 
-    def _name(self, path: Path, channel: str, columns: Mapping[str, object], aliases: Mapping[str, str]) -> str:
+    def _name(self, path: Path, channel: str, columns: Mapping[str, object], content: Content) -> str:
         """Name of the column that a channel is read from."""
         wanted, names = self._sources[channel].column, list(columns)
         if wanted in columns:
             return wanted
-        if aliases.get(wanted) in columns:
-            return aliases[wanted]
+        if content.aliases.get(wanted) in columns:
+            return content.aliases[wanted]
+        require_unique(path, channel, wanted, content.shared)
         if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
             return names[int(wanted) - 1]
         present = ", ".join(f"{k} {name}" if name != str(k) else name for k, name in enumerate(names, start=1))

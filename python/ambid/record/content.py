@@ -1,6 +1,7 @@
 """What a file of a record holds, before anything is made of it; channels that begin at instants of their own."""
 
-from collections.abc import Callable, Iterable, Mapping
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -77,6 +78,11 @@ class NotNumbers:
     cell: str
     dtype: ClassVar[np.dtype[Any]] = np.dtype(object)
 
+    @property
+    def is_clock(self) -> bool:
+        """Whether the cell is a time of day."""
+        return re.search(r"\d:\d\d", self.cell) is not None
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -109,6 +115,8 @@ class Content:
         Entries of a variable ``axes``.
     aliases : dict of str to str
         Further names of arrays, such as those of TDMS channels without their group where that is unique.
+    shared : dict of str to list of str
+        Names that several groups have, with the arrays of each.
     timing : dict of str to Timing
         Of the arrays for which the format itself states it, as TDMS does.
     has_names : bool
@@ -123,6 +131,7 @@ class Content:
     is_table: bool = False
     axes: list[Any] | None = None
     aliases: dict[str, str] = field(default_factory=dict)
+    shared: dict[str, list[str]] = field(default_factory=dict)
     timing: dict[str, Timing] = field(default_factory=dict)
     has_names: bool = True
     findings: list[Finding] = field(default_factory=list)
@@ -139,6 +148,15 @@ def require_names(path: Path, has_names: bool) -> None:
     """Refuse a table without names of its columns."""
     if not has_names:
         raise RecordError(f"{path}: the first line holds numbers; put the names of the columns above them")
+
+
+def require_unique(path: Path, channel: str, name: str, shared: Mapping[str, Sequence[str]]) -> None:
+    """Refuse a name that several groups have."""
+    if name in shared:
+        raise RecordError(
+            f"{path}: {name} is ambiguous: the file has {' and '.join(shared[name])}; map the channels, such as "
+            f"{channel}={shared[name][0]}"
+        )
 
 
 def unused(kind: Kind, names: Iterable[str]) -> list[Finding]:

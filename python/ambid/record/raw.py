@@ -1,5 +1,6 @@
 """Signals out of the arrays of a file that keeps to the names and units of a record."""
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from ambid.record.content import (
     Stored,
     aligned,
     require_names,
+    require_unique,
     unused,
 )
 
@@ -34,6 +36,8 @@ APART = "further"
 """Structure of a .mat file that holds single channels, such as ``further.a.drive_end``."""
 NAMES = "rename them, or give a map of them: t=COLUMN, y.A_zeta=COLUMN:FACTOR, ..."
 """What to do about a file with names of its own."""
+RATE = "give the sample rate [Hz] (--sample-rate)"
+"""What to do about a file whose time is not in s."""
 
 
 Signals = dict[str, NDArray[np.float64]]
@@ -108,7 +112,13 @@ def require_agreement(path: Path, in_file: float | None, given: float | None) ->
 def numbers(path: Path, name: str, value: Any) -> NDArray[np.float64]:
     """An array of real numbers; RecordError where it is none, or empty."""
     if isinstance(value, NotNumbers):
-        raise RecordError(f"{path}: {name}, row {value.row}: {value.cell!r} is not a number; correct the cell")
+        what, remedy = "not a number", "correct the cell"
+        if value.is_clock:
+            what = "a time of day, not a number"
+            remedy += (
+                f", or, if it is the time of the samples, rename the column or leave it out of the map, and {RATE}"
+            )
+        raise RecordError(f"{path}: {name}, row {value.row}: {value.cell!r} is {what}; {remedy}")
     array = value if isinstance(value, Stored) else np.asarray(value)
     if array.dtype.kind not in "iufb" or 0 in array.shape:
         raise RecordError(f"{path}: {name} holds {array.dtype} of shape {array.shape}; give real numbers")
@@ -121,6 +131,15 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     named = {name: name for name in content.arrays} | content.aliases
     own = {name: at for name, at in named.items() if name == "t" or name.startswith(OF_AXES)}
     own = {name: own[name] for name in sorted(own, key=lambda name: name != "t")}
+    for name in filter(lambda name: name.startswith(OF_AXES), content.shared):
+        require_unique(path, name, name, content.shared)
+    for name in content.arrays:
+        base = re.sub(r"\s*[\[(].*[\])]$", "", name)
+        if base != name and (base == "t" and "t" not in own and sample_rate is None or base.startswith(OF_AXES)):
+            raise RecordError(
+                f"{path}: {name}: units in names of columns are not read; rename it to {base} and give SI units, or "
+                f"map every column with its factor, such as {base}={name}:FACTOR"
+            )
     values = {name: numbers(path, name, content.arrays[at]).ravel() for name, at in own.items()}
     timing = {name: content.timing[at] for name, at in own.items() if at in content.timing}
     found = aligned(path, values, timing)
@@ -133,7 +152,9 @@ def _from_columns(path: Path, content: Content, sample_rate: float | None) -> Ra
     columns, used = content.arrays, {"t", "fs", *own.values()}
     present = ", ".join(columns)
     if raw.t is None and raw.sample_rate is None and sample_rate is None:
-        raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {NAMES}")
+        clocks = [name for name, one in columns.items() if isinstance(one, NotNumbers) and one.is_clock]
+        remedy = f"{clocks[0]} holds times of day, not s: {RATE}" if clocks else f"{NAMES}; or {RATE}"
+        raise RecordError(f"{path}: column 't' [s] is missing; the columns are {present}; {remedy}")
     if lacks_motion(own):
         raise RecordError(f"{path}: no column 'y.<axis>' (displacement [m]); the columns are {present}; {NAMES}")
     raw.findings += unused(COLUMNS_NOT_USED, (name for name in columns if name not in used))

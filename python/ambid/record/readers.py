@@ -2,7 +2,6 @@
 
 import importlib
 import logging
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, contextmanager
 from fractions import Fraction
@@ -273,8 +272,10 @@ def _read_tdms(path: Path) -> Iterator[Content]:
         found = [(group.name, channel) for group in file.groups() for channel in group.channels()]
         is_grouped = len({group for group, _ in found}) > 1
         channels = {f"{group}/{own.name}" if is_grouped else own.name: own for group, own in found}
-        counts = Counter(own.name for _, own in found)
-        aliases = {own.name: f"{group}/{own.name}" for group, own in found if counts[own.name] == 1}
+        places: dict[str, list[str]] = {}
+        for group, own in found:
+            places.setdefault(own.name, []).append(f"{group}/{own.name}")
+        aliases = {name: several[0] for name, several in places.items() if len(several) == 1}
         if not is_grouped:
             aliases = {full: name for name, full in aliases.items()}
 
@@ -289,6 +290,7 @@ def _read_tdms(path: Path) -> Iterator[Content]:
             {name: values(name, channel) for name, channel in channels.items()},
             is_table=True,
             aliases=aliases,
+            shared={name: several for name, several in places.items() if len(several) > 1},
             timing=timing_of({name: channel.properties for name, channel in channels.items()}),
             findings=heard.findings,
         )
