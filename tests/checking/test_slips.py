@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ambid.checking import check, stops_diagnosis
+from ambid.checking.soundness import ResponseFigures
 from ambid.excitation import multisine, prbs
 from ambid.findings import REMARK, Where
 from ambid.model import Model
@@ -382,6 +383,15 @@ def test_a_drive_without_stiffness_is_a_warning():
     drives = [b.model_copy(update={"force_displacement": (0.05,) * len(b.axes)}) for b in rig.bearings]
     drive = type(rig).from_toml(rig.replace(bearings=drives).to_toml())
     assert "magnets_inconsistent" in codes(check(drive).findings)
+
+
+def test_figures_of_the_page_are_read_as_they_are():
+    pair = "y.A_zeta / i_e.A_zeta"
+    noisy = ResponseFigures("noisy", 9, (1.0, 99.0), ("y.A_zeta",), ("i_e.A_zeta",), {pair: 1.1})
+    assert noisy.line().endswith(f"median std 110 % of {pair}")
+    found = check(bench_experiment()[0])
+    centred = replace(found, loop=replace(found.loop, open_loop_unstable=()))
+    assert "controller off: no unstable pole\n" in str(centred)
 
 
 def test_the_page_and_its_json(golden):

@@ -218,6 +218,8 @@ def test_bounds_hold_and_are_reported(bench, run):
     assert_allclose(found.parameters["tau_e"].value, low, rtol=1e-6)
     (bound,) = (own for own in found.findings if own.code == "parameter_at_bound")
     assert bound.values["parameters"] == ["tau_e"]
+    assert f"tau_e = {low:.4g} s, the smallest value allowed" in bound.message
+    assert "--fix" in bound.remedy
 
 
 def test_bounds_that_do_not_bite_change_nothing(start, run, estimate):

@@ -1,6 +1,7 @@
 """Poles and whirl against closed forms: polynomials of one axis, and of a rigid rotor that turns."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -122,6 +123,14 @@ def test_without_a_covariance_nothing_is_claimed(levitator):
     assert np.isnan(found.covariance).all()
     shown = json.loads(json.dumps(found.to_json(), allow_nan=False))
     assert all(own["covariance"] is None for own in shown["closed"])
+
+
+def test_what_is_printed_is_read_as_it_is(levitator):
+    own = ambid.pole_map(Model(levitator))
+    pair = replace(own, closed=own.closed[:1].real - 1753.1 + 2e-12j, covariance=own.covariance[:1])
+    assert f"{pair.closed[0].real:.5g} (double)" in str(pair)
+    assert replace(own, open=np.array([100.0 + 0j])).summary()[0].endswith("1 pole grows")
+    assert replace(own, open=np.array([100.0 + 0j, 90.0])).summary()[0].endswith("2 poles grow")
 
 
 def test_nonlinear_effects_are_left_out_and_told(levitator):

@@ -11,6 +11,7 @@ import numpy as np
 from ambid.checking.law import Law
 from ambid.checking.nominal import NominalLoop
 from ambid.findings import SEVERITIES, Finding, WithFindings
+from ambid.identification.tolerances import percent
 from ambid.noise import noise_ceiling
 from ambid.record import FrequencyResponse, Record
 from ambid.results import Tabular, plain
@@ -160,7 +161,7 @@ class RecordFigures:
             f"  {self.name}: {self.samples} samples, {self.seconds:.3g} s, {period}; "
             f"i_e {self.i_e_amplitude:.3g} {self.i_e_unit}, "
         )
-        text += f"y {1e6 * max(self.y_rms):.3g} um rms (peak {100 * self.share_of_gap:.2g} % of the gap), {i_c}"
+        text += f"y {1e6 * max(self.y_rms):.3g} um rms (peak {percent(self.share_of_gap)} % of the gap), {i_c}"
         ceiling = [value for name, value in self.noise_ceiling_percent.items() if name.startswith("y.")]
         return text if np.isnan(ceiling).any() else f"{text}; noise ceiling of y {min(ceiling):.1f} %"
 
@@ -209,7 +210,7 @@ class ResponseFigures:
         text = f"  {self.name}: frequency response, {self.frequencies} frequencies from {low:.4g} to {high:.4g} Hz; "
         worst = max((std, pair) for pair, std in self.relative_std.items() if not np.isnan(std))
         text += f"{', '.join(self.outputs)} by {', '.join(self.inputs)}; "
-        return text + f"median std {100.0 * worst[0]:.2g} % of {worst[1]}"
+        return text + f"median std {percent(worst[0])} % of {worst[1]}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -281,14 +282,14 @@ class Soundness(WithFindings, Tabular):
     def __str__(self) -> str:
         loop = self.loop
         bending = ", ".join(f"{f:.4g}" for f in loop.bending_hz)
-        unstable = ", ".join(f"{p:+.4g}" for p in loop.open_loop_unstable) or "none"
+        unstable = ", ".join(f"{p:+.4g}" for p in loop.open_loop_unstable)
         damped = ", ".join(f"{f:.4g} Hz ({100 * zeta:.2g} %)" for f, zeta in loop.least_damped) or "none"
         factor = "" if loop.gain_factor in (1.0, None) else f" with all K_i x {loop.gain_factor:g}"
         kept = f"free-free bending {bending} Hz" if bending else "no bending mode in the model"
         lines = [
             f"{self.rig}: {self.machine}",
             f"  rotor {loop.mass:.4g} kg, {kept}",
-            f"  controller off: unstable poles {unstable} 1/s",
+            f"  controller off: {f'unstable poles {unstable} 1/s' if unstable else 'no unstable pole'}",
             f"  nominal loop{factor}: slowest pole {loop.slowest_pole.real:+.4g} 1/s; least damped {damped}",
         ]
         if loop.zone:

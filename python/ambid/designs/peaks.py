@@ -9,6 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import InputError
 from ambid.findings import Finding, Kind, Where, WithFindings
+from ambid.identification.tolerances import percent
 from ambid.model import Given, as_model
 from ambid.record.checks import SMALLEST_CHANGE
 from ambid.results import Tabular, plain
@@ -162,8 +163,8 @@ class Forecast(Tabular, WithFindings):
         lines = self.summary()[:1]
         lines.append(f"{'axis':10s} {'i_e peak':>11s} {'i_c peak':>11s} {'of bias':>8s} {'y peak':>11s} {'of gap':>8s}")
         lines += [
-            f"{own.axis:10s} {own.i_e:9.4g} {self.unit} {own.i_c:9.4g} A {100 * own.i_c_over_bias:6.2g} % "
-            f"{1e6 * own.y:8.4g} um {100 * own.y_over_gap:6.2g} %"
+            f"{own.axis:10s} {own.i_e:9.4g} {self.unit} {own.i_c:9.4g} A {percent(own.i_c_over_bias):>6s} % "
+            f"{1e6 * own.y:8.4g} um {percent(own.y_over_gap):>6s} %"
             for own in self.axes
         ]
         return "\n".join([*lines, *self.finding_lines()])

@@ -45,7 +45,14 @@ WITHOUT_PERIODS = Kind(
     "missing: the misfit {misfit:.3g} (J/dof) is a lower limit",
     "excite periodically",
 )
-AT_BOUND = Kind("parameter_at_bound", "warning", "at a bound: {parameters}")
+AT_BOUND = Kind(
+    "parameter_at_bound",
+    "warning",
+    "at a bound: {parameters} = {value:.4g}[ {unit}], the {end} value allowed: the data ask for one beyond it, or do "
+    "not determine it",
+    "diagnose the records where physics is missing; else fix {parameters} at a known value (--fix), correct its "
+    "bounds, or, for a lag, excite at higher frequencies",
+)
 LARGEST_WEIGHT = 1e6
 """Of a channel; its square still leaves digits to a channel of weight 1."""
 
@@ -314,10 +321,12 @@ def _estimate(found: Found, begun: float) -> Estimate:
             parameters[name] = ParameterEstimate.of(at_end, *errors)
     if end.status == "at_bound":
         x = end.theta[free] / problem.scale
-        touches = (np.abs(x - limits[0]) < 1e-3) | (np.abs(x - limits[1]) < 1e-3)
-        touches &= problem.prior == 0.0
-        at = [model.names[i] for i, touched in zip(free, touches, strict=True) if touched]
-        findings = [*findings, AT_BOUND(NOWHERE, parameters=at)]
+        for end_name, bound in zip(("smallest", "largest"), limits, strict=True):
+            for i in np.asarray(free)[(np.abs(x - bound) < 1e-3) & (problem.prior == 0.0)]:
+                own = model.parameters[int(i)]
+                value, unit = float(end.theta[i]), None if own.unit == "1" else own.unit
+                at = AT_BOUND(NOWHERE, parameters=[own.name], value=value, unit=unit, end=end_name)
+                findings = [*findings, at]
     if comparison.is_judged and not comparison.is_adequate:
         findings = [*findings, INCONSISTENT(NOWHERE)]
     if curved is not None:

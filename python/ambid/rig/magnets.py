@@ -124,7 +124,10 @@ class Bearing(Spec):
     @field_validator("force_displacement")
     @classmethod
     def _some_stiffness(cls, values: tuple[float, ...]) -> tuple[float, ...]:
-        text = f"expected at least {LEAST_STIFFNESS:g} N/m in size ({FORCE_DISPLACEMENT.note}); check the value."
+        text = (
+            f"expected at least {LEAST_STIFFNESS:g} N/m in size ({FORCE_DISPLACEMENT.note}), as identification keeps "
+            f"its sign; an actuator without magnetic stiffness has {-LEAST_STIFFNESS:g}, held there by --fix K_s."
+        )
         refuse(*(problem(text, value, k) for k, value in enumerate(values) if abs(value) < LEAST_STIFFNESS))
         return values
 

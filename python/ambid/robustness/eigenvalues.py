@@ -79,7 +79,9 @@ class PoleMap(ByValue, Tabular, WithFindings):
         grows = int(np.sum(growing(self.open)))
         state = "stable" if growing(-self.closed).all() else "neutral: a pole neither grows nor decays"
         state = "unstable" if growing(self.closed).any() else state
-        lines = [f"the closed loop is {state}; with the controller off {grows} poles grow"]
+        lines = [
+            f"the closed loop is {state}; with the controller off {grows} pole{' grows' if grows == 1 else 's grow'}"
+        ]
         return [*lines, *self.finding_lines()]
 
     def to_json(self) -> dict[str, Any]:
@@ -113,7 +115,9 @@ class PoleMap(ByValue, Tabular, WithFindings):
         for pole, frequency, damping, (of_frequency, of_damping) in zip(
             self.closed, self.frequency_hz, self.damping, self.std_error, strict=True
         ):
-            text = f"{pole.real:.5g} +- {pole.imag:.5g}j" if pole.imag else f"{pole.real:.5g}"
+            text = f"{pole.real:.5g}"
+            if pole.imag:  # below the digits printed, a pair is a double real pole
+                text += f" +- {pole.imag:.5g}j" if pole.imag > 1e-5 * abs(pole) else " (double)"
             spread = f" {of_frequency:8.2g} {damping:9.4f} {of_damping:8.2g}"
             lines.append(f"{text:>28s} {frequency:10.4f}{spread}".replace("nan", "  -"))
         return "\n".join([*lines, "", *self.summary()])
