@@ -120,7 +120,6 @@ def test_an_estimate_is_asked_for_parameters_like_a_mapping(estimate):
     assert "tau_e" in estimate
     assert "tau" not in estimate
     assert list(estimate) == list(estimate.parameters)
-    assert len(estimate) == len(estimate.parameters)
 
 
 def test_a_name_that_is_none_is_refused_with_the_nearest(estimate, golden):

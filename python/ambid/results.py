@@ -51,9 +51,6 @@ class OfParameters(Generic[T]):
     def __iter__(self) -> Iterator[str]:
         return iter(self.parameters)
 
-    def __len__(self) -> int:
-        return len(self.parameters)
-
 
 class Tabular(ABC):
     """A result that has rows and columns; what it holds by name is `Named`.

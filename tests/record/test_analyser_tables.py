@@ -80,11 +80,7 @@ def test_velocities_and_accelerations_are_integrated(tmp_path, unit):
     found = load_measurement(path, RIG)
     np.testing.assert_allclose(h_of(found), H, rtol=1e-12)
     values = dict(the(found, "units_converted").values)
-    assert values == {
-        "channels": [PAIR["output"]],
-        "found": f"{motion} in {unit.removeprefix('dB re 1 ')}",
-        "unit": "m",
-    }
+    assert values == {"channels": [PAIR["output"]], "found": f"{motion} in {unit.split()[-1]}", "unit": "m"}
 
 
 def test_an_acceleration_at_a_sensor_is_one(tmp_path):

@@ -41,7 +41,7 @@ def test_i_c_tells_on_which_side_of_the_delay_a_command_stands(seeds):
     wrong = missed = 0
     for seed in range(seeds):
         rig, rate, delay, asked, applied, i_c, y = loop(seed)
-        wrong += by_current(rig, rate, applied, i_c, y, delay) > SURE
-        missed += by_current(rig, rate, asked, i_c, y, delay) < SURE
+        wrong += by_current(rig, rate, applied, i_c, y, delay)[1] > SURE
+        missed += by_current(rig, rate, asked, i_c, y, delay)[1] < SURE
     assert wrong <= 0.01 * seeds
     assert missed <= 0.1 * seeds
