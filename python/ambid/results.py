@@ -12,7 +12,7 @@ from ambid.errors import InputError, UnknownParameterError, did_you_mean
 
 T = TypeVar("T")
 SHORT = 120
-"""Characters of a sentence that is one of several in a line."""
+"""Characters of a sentence in a `repr`, at the most."""
 READABLE = {"1": (100.0, "%"), "m": (1e3, "mm"), "rad": (180.0 / pi, "degrees"), "s": (1e6, "us")}
 """Factor and unit of small numbers by their SI unit."""
 

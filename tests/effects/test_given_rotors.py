@@ -236,7 +236,7 @@ class Unplaceable(Effect):
         return ()
 
     def attach(self, plant):
-        raise NotImplementedError
+        """Nothing is attached where it makes no sense."""
 
 
 def test_an_effect_of_ones_own_says_it_by_its_parameters_and_positions(turning, golden):

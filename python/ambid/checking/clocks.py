@@ -32,10 +32,11 @@ CLEAN = 0.9
 of a narrow band, leaves more."""
 LEFT = 0.25
 """Part of what changes steadily, beyond its noise, that a clock may leave. Of a mass on one axis and a spindle on four,
-clocks of 30 to 1000 ppm left up to 0.09 (11 records), a K_i that drifts by 2 to 30 % 0.41 and more (30)."""
+clocks of 30 to 1000 ppm left up to 0.09 (12 records of `tests/checking/test_instants.py`), a K_i that drifts by 2 to
+30 % 0.41 and more (30)."""
 BETTER = 2.0
 """Power that the best drift of a parameter must leave over that which a clock leaves: where feedback makes them alike,
-no clock is reported. In the same records it was 2.6 and more for clocks, and 1.2 and less for drifts."""
+no clock is reported. In the same records it was 2.6 and more for clocks, and 0.9 and less for drifts."""
 LEAST_CLOCK = 2e-6
 """Difference of two clocks that is reported; that of two quartzes is 1e-5 and more."""
 NEIGHBOURS = 5
