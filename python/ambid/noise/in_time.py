@@ -23,7 +23,7 @@ NEARLY = 0.1
 """The same where it started from the steady state of the linearised loop, and likes are compared."""
 AT_A_TIME = 30_000_000
 """Numbers of derivatives over all samples that are held at a time, and that are kept."""
-NEUTRAL = 1e-6
+NEUTRAL = 1e-5
 """Rate of decay below which a state does not return to rest [1/s]."""
 REMEMBERED = 8
 """Responses that are kept."""
