@@ -47,11 +47,12 @@ def all_kinds(record, estimate):
         "map": ambid.localise(estimate.comparison).maps[0],
         "soundness": ambid.check(RIG, record),
         "matrix": ambid.misfit_matrix(estimate.comparison)[0],
+        "design": ambid.design(RIG, ambid.Instruments.stated(1, 50e-9, 0.01), seconds=0.5, signal="prbs"),
     }
 
 
 KINDS = ("rig", "record", "response", "model", "estimate", "comparison", "poles")
-PARTS = ("margins", "responses", "localisation", "map", "matrix")
+PARTS = ("margins", "responses", "localisation", "map", "matrix", "design")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "one", *PARTS])

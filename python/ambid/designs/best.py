@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.checking import LoopFigures
 from ambid.checking.nominal import NominalLoop
 from ambid.designs.intervals import FEWEST, Prospect, prospect
@@ -34,7 +34,7 @@ SENSITIVE = Kind(
 
 
 @dataclass(frozen=True, repr=False, eq=False)
-class Design(Tabular, WithFindings):
+class Design(ByValue, Tabular, WithFindings):
     """An experiment that is worth making; result of `design`.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ambid.arrays import FloatArray
+from ambid.arrays import ByValue, FloatArray
 from ambid.designs.intervals import FEWEST, Prospect, prospect
 from ambid.designs.peaks import MOST_OF_POWER, Limits, forecast
 from ambid.designs.powers import PoweredLines, best_powers, criterion
@@ -58,7 +58,7 @@ class Task:
 
 
 @dataclass(frozen=True, eq=False)
-class Option:
+class Option(ByValue):
     """One period of an excitation whose largest peak just reaches its limit.
 
     Attributes
