@@ -20,6 +20,14 @@ def test_the_step_is_found_behind_a_factor_and_an_offset(step):
     assert step_of(x) == 0.0
 
 
+def test_the_step_is_that_of_all_changes_whatever_digits_were_written():
+    walk = np.cumsum(np.random.default_rng(1).normal(0.0, 0.3, 5000))
+    steps = 9.2e-4 * np.round(walk / 9.2e-4)
+    assert step_of(steps) == pytest.approx(9.2e-4)
+    assert step_of(np.array([float(f"{u:.9g}") for u in steps])) == pytest.approx(9.2e-4, rel=1e-4)
+    assert step_of(walk) == 0.0
+
+
 @pytest.mark.parametrize("noise", [0.01, 0.05, 0.1, 0.2, 0.3, 0.6])
 def test_the_part_that_repeats_is_what_two_periods_share(noise):
     """Against the covariance of the errors of two periods with the same signal and independent noise."""

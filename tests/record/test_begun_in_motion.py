@@ -5,7 +5,6 @@ import pytest
 
 from ambid import Model, Record, Rig, check, compare, identify
 from ambid.excitation import prbs
-from ambid.record.free_modes import converter_step
 from found import the
 from reference.levitator import Law, Levitator
 
@@ -106,12 +105,3 @@ def test_a_true_excitation_is_kept(kind):
     found = compare(Model(rig()), record)
     assert found.is_adequate
     assert identify(rig(), record).parameters["K_i.A_zeta"].std_error < 0.05 * TRUTH.K_i
-
-
-def test_a_converter_step_is_what_all_changes_are_multiples_of():
-    walk = np.cumsum(np.random.default_rng(1).normal(0.0, 0.3, 5000))
-    assert converter_step(9.2e-4 * np.round(walk / 9.2e-4)) == pytest.approx(9.2e-4)
-    assert converter_step(np.array([float(f"{u:.9g}") for u in 9.2e-4 * np.round(walk / 9.2e-4)])) == pytest.approx(
-        9.2e-4, rel=1e-4
-    )
-    assert converter_step(walk) == 0.0

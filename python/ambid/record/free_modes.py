@@ -39,19 +39,6 @@ def free_modes(A: FloatArray, C: FloatArray, samples: int) -> list[FloatArray]:
     return found
 
 
-def converter_step(command: FloatArray) -> float:
-    """The step of which all changes of a command (N,) are multiples, as a converter leaves it; 0 for none."""
-    change = np.abs(np.diff(command))
-    change = change[change > 1e-12 * np.abs(command).max()]
-    if not len(change):
-        return 0.0
-    step = float(change.min())
-    for most in (10.0, 1e3, np.inf):  # the last digits that were written count less in larger multiples
-        own = change[change < most * step]
-        step = float(own.sum() / np.round(own / step).sum())
-    return step if np.all(np.abs(change / step - np.round(change / step)) < 0.1) else 0.0
-
-
 def is_held(left: FloatArray, rounding: FloatArray) -> NDArray[np.bool_]:
     """Samples (N, axes) at which what the law leaves changes by no more than rounding."""
     return np.asarray(np.abs(np.diff(left, axis=0, prepend=left[:1])) <= rounding)

@@ -10,8 +10,9 @@ from ambid.arrays import FloatArray
 from ambid.errors import RecordError
 from ambid.findings import Finding, Kind
 from ambid.record.command_delay import CommandDelay, by_current, by_law
-from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, converter_step, free_modes, is_held, without_free_modes
+from ambid.record.free_modes import HOLDS, REBUILT_TOLERANCE, free_modes, is_held, without_free_modes
 from ambid.record.repeats import find_period
+from ambid.record.rounding import step_of
 from ambid.rig import Rig
 
 ExcitationSource = Literal[
@@ -171,7 +172,7 @@ def _read(rig: Rig, y: FloatArray, i_c: FloatArray | None, r: FloatArray | None,
 def rounding_of(command: FloatArray) -> FloatArray:
     """Change of a command from sample to sample that is rounding of it, or of the converter that made it, (axes,)."""
     size = np.abs(np.diff(command, axis=0)).mean(axis=0)
-    return np.maximum(SAME * size, [2.0 * converter_step(own) for own in command.T])
+    return np.maximum(SAME * size, [2.0 * step_of(own) for own in command.T])
 
 
 def steps_of(i_e: FloatArray, rounding: FloatArray) -> FloatArray | None:
@@ -193,7 +194,7 @@ def _follows(i_e: FloatArray, i_ref: FloatArray) -> float | None:
     """
     own = i_ref[len(i_ref) - len(i_e) :]
     left, size = i_e - i_e.mean(axis=0), np.maximum(own.std(axis=0), 1e-300)
-    steps = np.array([converter_step(column) for column in own.T])
+    steps = np.array([step_of(column) for column in own.T])
     is_rounding = (left.std(axis=0) < SAME * size) | (np.abs(left).max(axis=0) <= 1.01 * steps)
     return float(np.max(left.std(axis=0) / size)) if is_rounding.all() else None
 

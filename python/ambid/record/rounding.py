@@ -4,9 +4,7 @@ import numpy as np
 
 from ambid.arrays import FloatArray
 
-LOOKED_AT = 4096
-"""Samples of a channel that are looked at for the step of its converter."""
-EVEN = 0.02
+EVEN = 0.1
 """Part of a step by which values may be off its multiples: factors and offsets are applied to what is converted."""
 FEWEST = 64
 """Steps that a channel spans at least where they are those of a converter: a binary sequence has levels of its own."""
@@ -14,13 +12,15 @@ FEWEST = 64
 
 def step_of(x: FloatArray) -> float:
     """Step of the converter that a channel of shape (N,) came through; 0 where its values are not in steps."""
-    few = np.unique(x[:: 1 + len(x) // LOOKED_AT])
-    apart = np.diff(few)
-    if not len(apart) or len(few) > 0.9 * min(len(x), LOOKED_AT):
+    apart = np.diff(np.unique(x))
+    apart = apart[apart > 1e-9 * apart.max(initial=0.0)]
+    if not len(apart):
         return 0.0
-    step = float(apart[apart > 1e-9 * apart.max()].min())
-    counts = apart / step
-    return step if np.abs(counts - np.rint(counts)).max() < EVEN * max(1.0, float(counts.max()) ** 0.5) else 0.0
+    step = float(apart.min())
+    for most in (10.0, 1e3, np.inf):  # the last digits that were written count less in larger multiples
+        own = apart[apart < most * step]
+        step = float(own.sum() / np.rint(own / step).sum())
+    return step if np.all(np.abs(apart / step - np.rint(apart / step)) < EVEN) else 0.0
 
 
 def rounding_power(x: FloatArray) -> float:
