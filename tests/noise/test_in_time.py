@@ -39,6 +39,16 @@ def test_a_start_from_the_linear_steady_state_is_as_good_as_a_long_lead(judged):
     assert np.linalg.norm(part.whiten(part.window.of_period(4.0 * linear)) - long) > 10.0
 
 
+@pytest.mark.parametrize("inverse_width", np.geomspace(1e4, 2.5e5, 8))
+def test_what_creeps_does_not_lengthen_the_lead(judged, inverse_width):
+    """A spring that sticks hardly forgets, at a rate whose last digits are rounding: that is no slow pole."""
+    own, part, in_time = judged
+    values = {"force": 1.0, "inverse_width": inverse_width, "inverse_exponent": 0.5}
+    here = own.without("force_nonlinearity").add("coulomb_friction", values).with_substeps(2)
+    short, long = in_time.nearly(here, [])[0], in_time.lines(here, [], at_rest=False)[0]
+    assert not np.array_equal(short, long), "a long lead was taken"
+
+
 def test_between_the_excited_lines_a_settled_response_is_nothing(judged):
     """Of a record with a tone as of one without: simulated sample by sample, from a start that is forgotten."""
     here, part, _ = judged

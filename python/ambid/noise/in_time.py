@@ -24,7 +24,7 @@ NEARLY = 0.1
 AT_A_TIME = 30_000_000
 """Numbers of derivatives over all samples that are held at a time, and that are kept."""
 NEUTRAL = 1e-5
-"""Rate of decay below which a state does not return to rest [1/s]."""
+"""Rate of decay below which a state does not return to rest [1/s]: what sticks creeps at a tenth of it."""
 REMEMBERED = 8
 """Responses that are kept."""
 
