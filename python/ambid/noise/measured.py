@@ -30,10 +30,11 @@ class Measured:
             self.window = DampedWindow.like(self.window, damping / record.sample_rate)
         self.channels = len(record.channels)
         self.folded: Folded = {}  # what was simulated of it
+        self.judged: dict[Any, Any] = {}  # its lines in the noise that models leave
 
     def __getstate__(self) -> dict[str, Any]:
         """All but what was simulated by compiled loops, and what is computed again."""
-        return {"record": self.record, "window": self.window, "channels": self.channels, "folded": {}}
+        return {"record": self.record, "window": self.window, "channels": self.channels, "folded": {}, "judged": {}}
 
     @cached_property
     def excited(self) -> ComplexArray:

@@ -309,7 +309,18 @@ def _part(model: Model, record: Measurement, damping: float = 0.0, *, is_rough: 
 
 
 def _judged(model: Model, measured: Measured, angles: Mapping[str, float] | None = None) -> RecordLines:
-    """A record on its judged lines, the tones found that a model leaves of it."""
+    """A record on its judged lines, in the noise that a model leaves; as it is known of the last models."""
+    here = model.at(measured.record)
+    key = here.loop.core, here.theta.tobytes(), tuple(model.free), tuple((angles or {}).items())
+    if key not in measured.judged:
+        measured.judged[key] = _in_noise_of(model, measured, angles)
+        while len(measured.judged) > REMEMBERED:
+            measured.judged.pop(next(iter(measured.judged)))
+    return measured.judged[key]
+
+
+def _in_noise_of(model: Model, measured: Measured, angles: Mapping[str, float] | None) -> RecordLines:
+    """The same, the tones found that a model leaves of it."""
     part = RecordLines(model, measured, angles=angles)
     if tones := find_tones(model, part):
         part = RecordLines(model, measured, tones, angles=angles)

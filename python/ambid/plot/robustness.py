@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ambid.arrays import ComplexArray
 from ambid.identification.estimate import NORMAL_95
@@ -233,7 +233,7 @@ def _mark(ax: Axes, poles: ComplexArray, label: str, **style: Any) -> None:
 
 def _regions(ax: Axes, poles: PoleMap) -> None:
     """Ellipses of the covariance; of a real pole a bar along its axis."""
-    radius = float(np.sqrt(chi2.ppf(COVERED, 2)))
+    radius = float(np.sqrt(chdtri(2, 1.0 - COVERED)))
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     circle = radius * np.stack([np.cos(turn), np.sin(turn)])
     label: str | None = "95 % regions"

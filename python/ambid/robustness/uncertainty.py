@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from ambid.arrays import FloatArray
 from ambid.errors import ModelError
@@ -61,7 +61,7 @@ class Uncertainty:
     @property
     def radius(self) -> float:
         """Of the 95 % ellipsoid, in the coordinates of `at`."""
-        return float(np.sqrt(chi2.ppf(COVERED, len(self.free))))
+        return float(np.sqrt(chdtri(len(self.free), 1.0 - COVERED)))
 
     def towards(self, slope: FloatArray) -> FloatArray:
         """Where the 95 % ellipsoid ends along a slope; the middle where there is none."""
