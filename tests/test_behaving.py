@@ -91,6 +91,14 @@ def test_another_value_is_another(record, estimate):
     assert replace(estimate, status="stopped") != estimate
 
 
+def test_the_noise_that_a_model_leaves_is_found_once(estimate):
+    own = estimate.comparison.renewed()
+    assert own.renewed().noise.parts[0] is own.noise.parts[0]
+    moved = own.of(estimate.model.with_values({"tau_e": 1e-4})).renewed()
+    assert moved.noise != own.noise
+    assert moved.of(estimate.model).renewed().noise == own.noise
+
+
 def test_a_comparison_goes_on_where_it_was_saved(estimate):
     again = pickle.loads(pickle.dumps(estimate)).comparison
     assert again.cost == pytest.approx(estimate.comparison.cost, rel=1e-9)
