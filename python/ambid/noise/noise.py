@@ -309,12 +309,12 @@ def _part(model: Model, record: Measurement, damping: float = 0.0, *, is_rough: 
 
 
 def _judged(model: Model, measured: Measured, angles: Mapping[str, float] | None = None) -> RecordLines:
-    """A record on its judged lines, in the noise that a model leaves; as it is known of the last models."""
+    """A record on its judged lines, in the noise that a model leaves; as it is known of the last two."""
     here = model.at(measured.record)
     key = here.loop.core, here.theta.tobytes(), tuple(model.free), tuple((angles or {}).items())
     if key not in measured.judged:
         measured.judged[key] = _in_noise_of(model, measured, angles)
-        while len(measured.judged) > REMEMBERED:
+        while len(measured.judged) > 2:
             measured.judged.pop(next(iter(measured.judged)))
     return measured.judged[key]
 
