@@ -19,8 +19,8 @@ from hidden.tolerances import machine_off
 
 def diagnosed(machine, hidden, size, **options):
     bench = stranger(machine)
-    rig, train, _, _ = experiment_on(bench, {hidden: find(hidden, TARGETS[size], bench)}, machine)
-    return diagnose(rig, train, **options)
+    rig, train, validate, _ = experiment_on(bench, {hidden: find(hidden, TARGETS[size], bench)}, machine)
+    return diagnose(rig, train, validate=validate, **options)
 
 
 @pytest.mark.slow
