@@ -294,8 +294,13 @@ def test_broken_table_is_named(table, body, key_and_value, golden):
     assert key_and_value in str(caught.value)
 
 
+OF_HDF5 = b"MATLAB 7.3 MAT-file".ljust(124) + bytes([0, 2]) + b"IM" + bytes(384)
+
+
 @pytest.mark.parametrize("name", ["rotor.npz", "rotor.mat"])
-@pytest.mark.parametrize("content", [b"junk", b"PK\x03\x04junk", b""], ids=["text", "half-zip", "empty"])
+@pytest.mark.parametrize(
+    "content", [b"junk", b"PK\x03\x04junk", b"", OF_HDF5], ids=["text", "half-zip", "empty", "version 7.3"]
+)
 def test_a_matrix_file_that_is_none(tmp_path, name, content, golden):
     (tmp_path / name).write_bytes(content)
     with golden.raises(RigError):

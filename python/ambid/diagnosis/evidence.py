@@ -304,8 +304,8 @@ def _is_rough(model: Model) -> bool:
     return not model.is_linear and model.without_nonlinear().is_stable
 
 
-def _change(fit: Comparison, residual: FloatArray, k: int, size: float) -> FloatArray:
-    """What a parameter takes off the residual, were it changed by its size, by a small part of that.
+def _change(fit: Comparison, settled: FloatArray, k: int, size: float) -> FloatArray:
+    """What a parameter takes off what the settled response leaves, were it changed by its size, by a part of that.
 
     The derivatives of a stiff law, such as dry friction, may grow from step to step where its value does not.
     """
@@ -314,7 +314,10 @@ def _change(fit: Comparison, residual: FloatArray, k: int, size: float) -> Float
     def by(part: float) -> FloatArray:
         moved = theta.copy()
         moved[k] += part * size
-        return (residual - fit.noise.residual(fit.model.with_theta(moved))) / part
+        found = (fit.noise.departure(fit.model.with_theta(moved)) - settled) / part
+        for own, basis in zip(fit.noise.by_record(found), fit.noise.transients(fit.model), strict=True):
+            own -= basis @ (basis.T @ own)
+        return found
 
     if theta[k] + PART * size > fit.model.parameters[k].upper:
         return by(-PART)
@@ -346,10 +349,11 @@ def information_on(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArra
     if fit.model.is_linear:
         hessian = _about(fit).hessian * np.outer(size, size)
     else:
-        residual, slopes = fit.noise.jacobian(fit.model, others, roughly=_is_rough(fit.model))
-        rows = np.empty((len(residual), len(size)))
+        _, slopes = fit.noise.jacobian(fit.model, others, roughly=_is_rough(fit.model))
+        settled = fit.noise.departure(fit.model)
+        rows = np.empty((len(settled), len(size)))
         rows[:, others] = slopes * size[others]
-        rows[:, own] = np.transpose([_change(fit, residual, k, size[k]) for k in own])
+        rows[:, own] = np.transpose([_change(fit, settled, k, size[k]) for k in own])
         hessian = rows.T @ rows
     cross = hessian[np.ix_(own, others)]
     among = hessian[np.ix_(others, others)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import chdtri
 
+from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.evidence import OF_FORMULAS, Yardstick
 from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
@@ -20,7 +21,7 @@ from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import ROUGHLY, UNDERSTATED
 from ambid.model import Model
-from ambid.noise import Comparison
+from ambid.noise import Comparison, Noise
 from ambid.rig import Rig
 
 LOST = 2.0
@@ -121,14 +122,25 @@ def _numbers(fit: Comparison, effect: Effect) -> int:
 
 def _nearest(task: Task, fit: Comparison, effects: Sequence[Effect]) -> list[Start]:
     """Of the far starts of some effects the one that comes nearest to the records, from the fit or the rig file."""
+    far = [(effect, values) for effect in effects for values in effect.far_starts(home(fit.model, effect))]
     found: list[tuple[float, Start]] = []
-    for effect in effects:
-        for values in effect.far_starts(home(fit.model, effect)):
-            for base in (fit.model, nominal_beside(task, fit.model)):
+    for base in (fit.model, nominal_beside(task, fit.model)) if far else ():
+        with suppress(UnstableLoopError):
+            linear, more = _linear_part(fit.noise, base)
+            for effect, values in far:
                 with suppress(UnstableLoopError, ModelError):
-                    left = fit.noise.departure(base.add(effect, values))  # without transients, at a part of the time
+                    # without transients, at a part of the time
+                    left = fit.noise.departure(linear.add(effect, values)) + more
                     found.append((float(left @ left), (base, effect, dict(values))))
     return [min(found, key=lambda own: own[0])[1]] if found else []
+
+
+def _linear_part(noise: Noise, base: Model) -> tuple[Model, FloatArray]:
+    """A model without its nonlinear effects, and what these change of its response; all of it if it stands by them."""
+    linear = base.without_nonlinear()
+    if base.is_linear or not linear.is_stable:
+        return base, np.zeros(1)
+    return linear, noise.departure(base) - noise.departure(linear)
 
 
 def ranked(task: Task, fit: Comparison) -> Ranking:
@@ -166,13 +178,12 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         fit = _nearer_the_rig(task, fit, effect)
     effects = task.beside_nominal(fit.model)
     if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
-        return field_.with_(effects, refit(fit), best.variants)
+        return field_.with_(effects, refit(fit, step=ROUGHLY), best.variants)
     for _ in range(MOST_RENEWALS):
         before = fit.cost
         fit = refit(fit.renewed(), step=ROUGHLY)
         if abs(fit.cost - before) <= RENEWED * before:
             break
-    fit = refit(fit, 12)
     base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:

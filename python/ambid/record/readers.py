@@ -260,7 +260,7 @@ def _numpy_type(kind: Any) -> np.dtype[Any]:
     """That a column of a Parquet file is read as; object where it holds no numbers."""
     try:
         return np.dtype(kind.to_pandas_dtype())
-    except (NotImplementedError, TypeError):
+    except (RuntimeError, TypeError):  # no type of pandas, and none of NumPy
         return np.dtype(object)
 
 

@@ -8,6 +8,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
+from scipy.io.matlab import matfile_version
 from scipy.sparse import issparse
 
 from ambid.reading import load_mat
@@ -17,11 +18,16 @@ MATRIX_KEYS = ("node_positions", "M", "K", "G", "C")
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""
 
+HDF5 = 2
+"""Major version that SciPy finds of a .mat file of v7.3."""
+
 
 def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
     """Read the keys of a `MatrixRotor` from an `.npz` or `.mat` file, as nested lists."""
     matrices: dict[str, NDArray[np.float64]] = {}
     try:
+        if path.suffix != ".npz" and matfile_version(path)[0] == HDF5:
+            refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
         content = _arrays(path) if path.suffix == ".npz" else load_mat(path)
         for key in content.keys() & set(MATRIX_KEYS):
             value = content[key]
@@ -32,8 +38,6 @@ def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
                 value.check_format(full_check=True)  # a wrong index would be written to, wherever it points
                 value = value.toarray()
             matrices[key] = np.asarray(value, dtype=float)
-    except NotImplementedError:
-        refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
     except OSError as error:
         refuse(problem(f"cannot be read ({error.strerror}); give the path relative to the rig file.", name, "file"))
     except ValidationError:

@@ -64,7 +64,7 @@ impl Nonlinear {
         Ok(Self {
             plant: Plant::new(model, theta, free)?,
             controller,
-            late: groups(model, theta, free)?,
+            late: groups(model, theta, free)?.into_iter().filter(|group| !group.instant.is_at_sample()).collect(),
             free: free.to_vec(),
             dt: model.dt,
             substeps: model.substeps,

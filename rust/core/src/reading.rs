@@ -32,6 +32,13 @@ pub(crate) struct Instant {
     pub slopes: Vec<f64>,
 }
 
+impl Instant {
+    /// Whether it is that of a sample, whatever the free parameters do.
+    pub fn is_at_sample(&self) -> bool {
+        self.phase == 0.0 && self.slopes.iter().all(|slope| *slope == 0.0)
+    }
+}
+
 /// Outputs that are read at one instant, which is no sample or depends on a parameter.
 pub(crate) struct Group {
     pub instant: Instant,

@@ -21,7 +21,6 @@ pub struct Run {
     layout: Layout,
     /// The pieces of a controller sample, or of a sample of the record where there is no digital controller.
     segments: Vec<Segment>,
-    substeps: usize,
     control: Option<Control>,
     /// Outputs that are not read at the sample itself.
     late: Vec<usize>,
@@ -93,7 +92,7 @@ impl Run {
         };
         let control = controller.map(|k| Control::new(k, free));
         let late = late.iter().flat_map(|group| group.outputs.clone()).collect();
-        Ok(Self { plant, layout, segments, substeps, control, late, buffers })
+        Ok(Self { plant, layout, segments, control, late, buffers })
     }
 
     /// Back to rest.
@@ -156,7 +155,7 @@ fn sample_any<const FMA: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
 
 #[inline(always)]
 fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mut [f64]) {
-    let Run { plant, layout, segments, substeps, control, late, buffers } = run;
+    let Run { plant, layout, segments, control, late, buffers } = run;
     let (rows, whole) = (plant.rows, layout.width);
     let (excitation, further) = u.split_at(plant.driven);
     let mut fresh = true;
@@ -167,7 +166,7 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
             at_once::<FMA, SLOPES>(plant, layout, buffers, scheme, &[], further);
             control.update([excitation, further], &buffers.step[layout.y..], whole);
         }
-        for Segment { scheme, age, arrives, reads } in segments.iter() {
+        for Segment { scheme, steps, age, arrives, reads } in segments.iter() {
             let commands = control.as_ref().map_or(&[][..], |control| control.command(*age));
             if let (Some(row), Some(control), true) = (plant.late, control.as_ref(), arrives) {
                 let earlier = control.command(age + 1);
@@ -177,7 +176,7 @@ fn advance<const FMA: bool, const SLOPES: bool>(run: &mut Run, u: &[f64], y: &mu
                 look::<FMA, SLOPES>(plant, layout, buffers, scheme, read, [commands, further], y);
             }
             hold::<SLOPES>(plant, layout, buffers, scheme, commands, further);
-            for _ in 0..*substeps {
+            for _ in 0..*steps {
                 start::<SLOPES>(plant, layout, buffers, scheme, whole);
                 for s in 0..4 {
                     stage::<FMA, SLOPES>(plant, layout, buffers, scheme, s, whole);

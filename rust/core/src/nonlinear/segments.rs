@@ -5,10 +5,15 @@ use crate::nonlinear::plant::Plant;
 use crate::nonlinear::scheme::Scheme;
 use crate::reading::Group;
 
+/// Part of a step that a stretch may be longer than so many of them.
+const ROUNDING: f64 = 1e-9;
+
 /// A stretch of time over which all inputs are held.
 #[derive(Debug, Clone)]
 pub struct Segment {
+    /// That of each of its steps.
     pub scheme: Scheme,
+    pub steps: usize,
     /// The command that acts, in controller samples before the newest.
     pub age: usize,
     /// Whether that command arrives as it begins.
@@ -28,6 +33,8 @@ pub struct Read {
 }
 
 /// Cuts segments, each of a length, an age and whether its command arrives, where something is read.
+///
+/// No step is longer than a segment over `substeps`.
 pub fn cut(
     plant: &Plant,
     lengths: &[(f64, usize, bool)],
@@ -56,8 +63,11 @@ pub fn cut(
             if next == Some(at) {
                 continue; // nothing happens in no time
             }
-            let scheme = Scheme::new(plant, (next.unwrap_or(&end) - at) / substeps as f64)?;
-            segments.push(Segment { scheme, age: *age, arrives, reads: std::mem::take(&mut reads) });
+            let own = next.unwrap_or(&end) - at;
+            let steps = (own / length * substeps as f64 - ROUNDING).ceil().max(1.0);
+            let scheme = Scheme::new(plant, own / steps)?;
+            let reads = std::mem::take(&mut reads);
+            segments.push(Segment { scheme, steps: steps as usize, age: *age, arrives, reads });
             arrives = false;
         }
         (begin, left) = (end, rest);
