@@ -153,18 +153,13 @@ class _Begun(NamedTuple):
     def at(cls, model: Model, noise: Noise, base: Sequence[FloatArray], numbers: int, *, is_first: bool) -> _Begun:
         """Settled or at rest, whichever is nearer."""
         free = list(range(len(model.names)))
-
-        def freed(rows: FloatArray) -> FloatArray:
-            for part, basis in zip(noise.by_record(rows), base, strict=True):
-                part -= basis @ (basis.T @ part)
-            return rows
-
-        settled, rests = freed(noise.departure(model)), freed(noise.departure_from_rest(model)[0])
+        settled = noise.freed(noise.departure(model), base)
+        rests = noise.freed(noise.departure_from_rest(model)[0], base)
         if settled @ settled < rests @ rests:
             departure, slopes = settled, noise.slopes(model, free)
         else:
             departure, slopes = rests, noise.departure_from_rest(model, free)[1]
-        slopes = freed(slopes)
+        slopes = noise.freed(slopes, base)
         own = noise.quadratic(model, free)
         least = max(0.0, float(departure @ departure) - own.cost)
         gradient, form = slopes.T @ departure - own.gradient, slopes.T @ slopes - own.hessian

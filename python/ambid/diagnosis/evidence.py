@@ -315,9 +315,7 @@ def _change(fit: Comparison, settled: FloatArray, k: int, size: float) -> FloatA
         moved = theta.copy()
         moved[k] += part * size
         found = (fit.noise.departure(fit.model.with_theta(moved)) - settled) / part
-        for own, basis in zip(fit.noise.by_record(found), fit.noise.transients(fit.model), strict=True):
-            own -= basis @ (basis.T @ own)
-        return found
+        return fit.noise.freed(found, fit.noise.transients(fit.model))
 
     if theta[k] + PART * size > fit.model.parameters[k].upper:
         return by(-PART)

@@ -207,8 +207,7 @@ class Point:
         # of the settled response, as changes by effects are: of what an error of the rig file does too nothing is left
         known = self.noise.slopes(model, every) if model.is_linear else self.noise.jacobian(model, every)[1]
         known[len(residual) :] *= self.known
-        for part, basis in zip(self.noise.by_record(known), self.transients, strict=True):
-            part -= basis @ (basis.T @ part)
+        known = self.noise.freed(known, self.transients)
         self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
         residual = np.concatenate([residual, self.known * known_residual(model)])

@@ -156,6 +156,12 @@ class Noise:
         """Whitened numbers of all records, record by record, without those that are known beforehand."""
         return np.split(white, np.cumsum([part.numbers for part in self.parts]))[:-1]
 
+    def freed(self, white: FloatArray, transients: Sequence[FloatArray]) -> FloatArray:
+        """What transients, see `transients`, cannot take over of whitened numbers, which it overwrites."""
+        for own, basis in zip(self.by_record(white), transients, strict=True):
+            own -= basis @ (basis.T @ own)
+        return white
+
     @cached_property
     def size(self) -> Size:
         """Of all records."""

@@ -18,15 +18,12 @@ MATRIX_KEYS = ("node_positions", "M", "K", "G", "C")
 MOST_NODES = 400
 """Nodes of a rotor given as matrices: the four then hold ten million numbers, a third of a gigabyte to read."""
 
-HDF5 = 2
-"""Major version that SciPy finds of a .mat file of v7.3."""
-
 
 def matrices_of_file(path: Path, name: str | Path) -> dict[str, Any]:
     """Read the keys of a `MatrixRotor` from an `.npz` or `.mat` file, as nested lists."""
     matrices: dict[str, NDArray[np.float64]] = {}
     try:
-        if path.suffix != ".npz" and matfile_version(path)[0] == HDF5:
+        if path.suffix != ".npz" and matfile_version(path)[0] == 2:  # HDF5
             refuse(problem("MATLAB v7.3 is not read here; save it with the option -v7, or as .npz.", name, "file"))
         content = _arrays(path) if path.suffix == ".npz" else load_mat(path)
         for key in content.keys() & set(MATRIX_KEYS):
