@@ -231,15 +231,24 @@ class Yardstick:
         self._before = [(own, own.noise.transients(own.model)) for own in (base, kept_back) if own is not None]
 
     def evidence(
-        self, fit: Comparison, kept_back: Comparison | None, added: Sequence[Effect], variants: float
+        self,
+        fit: Comparison,
+        kept_back: Comparison | None,
+        added: Sequence[Effect],
+        variants: float,
+        *,
+        is_priced: bool = True,
     ) -> Evidence:
-        """Of a set at its optimum, whose effects are the best of so many independent variants."""
+        """Of a set at its optimum, whose effects are the best of so many independent variants.
+
+        That of a set that J alone leaves far behind need not be priced: it is no more than is returned.
+        """
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
         on_tones, waves = fit.noise.on_tones(fit.model)
         fits = [(fit, *self._before[0])]
         if kept_back is not None and self.kept_back is not None:
             try:
-                further = _further_cost(fit, kept_back)
+                further = _further_cost(fit, kept_back) if is_priced else kept_back.cost
                 dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
                 fits.append((kept_back, *self._before[1]))
                 at_waves = kept_back.noise.on_tones(kept_back.model)
@@ -251,7 +260,7 @@ class Yardstick:
         prefixes = tuple(f"{effect.name}." for effect in added)
         parameters = fit.model.parameters
         own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
-        kinds = _kinds(parameters, own)
+        kinds = _kinds(parameters, own) if is_priced else []
         names = frozenset(effect.name for effect in added)
         errors = {names - {own.name}: own for own in added if own.formula_error}
         return Evidence(
@@ -262,7 +271,7 @@ class Yardstick:
             usual_errors={
                 rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
             },
-            beginnings=beginnings(fits),
+            beginnings=beginnings(fits) if is_priced else 0.0,
             information=information_on(fit, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
             prior=float(np.log(variants)) - sum(self._usual(effect) for effect in added),
@@ -296,12 +305,7 @@ def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
 
 def _about(fit: Comparison) -> Quadratic:
     """J about a model, by all its parameters; see `RecordLines.white` for derivatives of a nonlinear one."""
-    return fit.noise.quadratic(fit.model, range(len(fit.model.names)), roughly=_is_rough(fit.model))
-
-
-def _is_rough(model: Model) -> bool:
-    """Whether derivatives of a nonlinear model may be those of its linear part, see `RecordLines.white`."""
-    return not model.is_linear and model.without_nonlinear().is_stable
+    return fit.noise.quadratic(fit.model, range(len(fit.model.names)), roughly=True)
 
 
 def _change(fit: Comparison, settled: FloatArray, k: int, size: float) -> FloatArray:
@@ -347,7 +351,7 @@ def information_on(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArra
     if fit.model.is_linear:
         hessian = _about(fit).hessian * np.outer(size, size)
     else:
-        _, slopes = fit.noise.jacobian(fit.model, others, roughly=_is_rough(fit.model))
+        _, slopes = fit.noise.jacobian(fit.model, others, roughly=True)
         settled = fit.noise.departure(fit.model)
         rows = np.empty((len(settled), len(size)))
         rows[:, others] = slopes * size[others]

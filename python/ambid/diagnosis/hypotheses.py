@@ -19,6 +19,8 @@ from ambid.noise import Comparison, compare
 NEARNESS = 0.5
 """Of something that has no name a set of the catalogue leaves no larger share x than in x^0.5 of all machines: exponent
 0.52 +- 0.11 by maximum likelihood over 21 that were drawn at random."""
+FAR_BEHIND = 30.0
+"""Log evidence by which a set is of no account beside another that explains the records."""
 Names = frozenset[str]
 
 
@@ -300,11 +302,23 @@ class Field:
         """The set with most evidence."""
         return max(self.tried.values(), key=self.worth)
 
-    def with_(self, added: tuple[Effect, ...], fit: Comparison, variants: float = 1.0) -> Field:
+    def bar(self, hypothesis: Hypothesis, effect: Effect) -> float:
+        """J of the fitted records above which a set with an effect more is of no account, where another explains them.
+
+        The formula of the effect may leave a part of what it explains.
+        """
+        if not self.is_explained:
+            return np.inf
+        best, error = self.foremost, effect.formula_error if effect.usual_error is None else effect.usual_error
+        return best.fit.cost + 2.0 * (best.evidence.price() + FAR_BEHIND) + error * hypothesis.fit.cost
+
+    def with_(
+        self, added: tuple[Effect, ...], fit: Comparison, variants: float = 1.0, *, is_priced: bool = True
+    ) -> Field:
         """The field with a further set, or with a better fit of it."""
         other = self.yardstick.kept_back
         kept_back = None if other is None else other.of(fit.model).with_own_angles()
-        evidence = self.yardstick.evidence(fit, kept_back, added, variants)
+        evidence = self.yardstick.evidence(fit, kept_back, added, variants, is_priced=is_priced)
         further = Hypothesis(added, fit, kept_back, variants, evidence)
         known = self.tried.get(further.names)
         if known is not None and known.evidence.alone >= further.evidence.alone:

@@ -172,7 +172,7 @@ def measured_shape(
 def _fitted(base: Comparison, shape: MeasuredShape) -> Comparison:
     """The base parameters and the factor of a shape, the rig file's values as they are."""
     model = base.model.add(shape, {"factor": 1.0}).with_substeps(1)
-    problem = WhitenedProblem(model, base.noise, model.free, roughly=model.without_nonlinear().is_stable)
+    problem = WhitenedProblem(model, base.noise, model.free, roughly=True)
     own = [model.parameters[i] for i in problem.free]
     lower, upper, at = np.array([(p.lower, p.upper, p.value) for p in own]).T / problem.scale
     end = problem.descend(at, (lower, upper), 8, ROUGHLY)  # it need not end, as the shape is taken anew

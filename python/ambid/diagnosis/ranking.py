@@ -31,7 +31,6 @@ from ambid.model import Model
 from ambid.model.structure import is_nonlinear
 from ambid.noise import Comparison
 from ambid.noise.chance import independent_tests, log_chance_bounded
-from ambid.noise.known import known_residual
 from ambid.rig import Rig
 from ambid.threads import with_one_blas_thread
 
@@ -200,17 +199,19 @@ class Point:
     def __init__(self, comparison: Comparison) -> None:
         model, self.noise = comparison.model, comparison.noise
         every = list(range(len(model.names)))
-        own = self.noise.white(model, every)
-        self.transients = [white.transients for white in own]
-        residual = np.concatenate([white.residual for white in own])
-        self.known = float(np.sqrt(self.noise.size.variance(float(residual @ residual))))
-        # of the settled response, as changes by effects are: of what an error of the rig file does too nothing is left
-        known = self.noise.slopes(model, every) if model.is_linear else self.noise.jacobian(model, every)[1]
-        known[len(residual) :] *= self.known
+        self.transients = self.noise.transients(model)
+        if model.is_linear:
+            # of the settled response, as changes by effects are: of what an error of the rig file does too none is left
+            residual, known = self.noise.residual(model), self.noise.slopes(model, every)
+        else:
+            residual, known = self.noise.jacobian(model, every, roughly=True)
+        measured = len(self.noise.spreads)
+        self.known = float(np.sqrt(self.noise.size.variance(float(np.sum(residual[:measured] ** 2)))))
+        residual[measured:] *= self.known
+        known[measured:] *= self.known
         known = self.noise.freed(known, self.transients)
-        self.spreads = np.append(self.noise.spreads, np.ones(len(known) - len(self.noise.spreads)))
+        self.spreads = np.append(self.noise.spreads, np.ones(len(known) - measured))
         self.basis, _ = np.linalg.qr(known / _nonzero(np.linalg.norm(known, axis=0)))
-        residual = np.concatenate([residual, self.known * known_residual(model)])
         self.residual = self.freed(residual[None])[0]
         self.cost = float(self.residual @ self.residual)
         self.dof = comparison.dof

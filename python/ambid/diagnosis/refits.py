@@ -10,7 +10,7 @@ from scipy.special import chdtri
 from ambid.arrays import FloatArray
 from ambid.diagnosis.candidates import ALPHA, Candidate, Ranking
 from ambid.diagnosis.evidence import OF_FORMULAS, Yardstick
-from ambid.diagnosis.hypotheses import Field, Hypothesis, Names
+from ambid.diagnosis.hypotheses import FAR_BEHIND, Field, Hypothesis, Names
 from ambid.diagnosis.ranking import rank
 from ambid.diagnosis.settled import placed, settled
 from ambid.diagnosis.task import Task
@@ -36,8 +36,8 @@ MOST_RENEWALS = 3
 """So often is the noise renewed after the best set has changed, at the most."""
 RENEWED = 0.02
 """Relative change of J by renewing the noise that is small enough."""
-HOPELESS, FAR_BEHIND = 1e3, 30.0
-"""Log evidence by which no other noise lets a set catch up, and by which none does that is hardly another."""
+HOPELESS = 1e3
+"""Log evidence by which no other noise lets a set catch up; one that is hardly another does not by `FAR_BEHIND`."""
 Start = tuple[Model, Effect, Mapping[str, float]]
 
 
@@ -50,29 +50,34 @@ def added(task: Task, field_: Field, names: Names, candidate: Candidate) -> Fiel
         If no stable loop with it is found.
     """
     before = field_.tried[names]
-    further = field_
+    further, bar = field_, field_.bar(before, candidate.effect)
     is_explained = field_.is_explained and field_.left_by(before) > 0.0  # what this set leaves, by another
-    for end in _refitted(task, before, candidate, is_explained=is_explained):
+    for end in _refitted(task, before, candidate, bar, is_explained=is_explained):
         fit = _at_their_places(task, end)
         explains, leaves = before.fit.cost - fit.cost, fit.cost - fit.dof
-        if explains > leaves > (fit.by_chance - 1.0) * fit.dof and candidate.effect not in task.as_given:
+        is_priced = fit.cost < bar + 2.0 * HOPELESS  # else nothing brings it back
+        is_settled = candidate.effect in task.as_given or not is_priced
+        if explains > leaves > (fit.by_chance - 1.0) * fit.dof and not is_settled:
             (effect,) = (own for own in fit.model.effects if own.name == candidate.effect.name)
             fit = settled(fit, effect)  # where it is makes a difference
+        variants = before.variants * candidate.variants
         with suppress(UnstableLoopError):  # it stands at the edge of stability
-            further = further.with_(task.beside_nominal(fit.model), fit, before.variants * candidate.variants)
+            further = further.with_(task.beside_nominal(fit.model), fit, variants, is_priced=is_priced)
     if names | {candidate.effect.name} in further.tried:
         return further.felt(names, candidate.effect.name)
     raise ModelError(f"{candidate.effect.name}: no stable loop with it was found; leave it out, or choose another")
 
 
-def _refitted(task: Task, before: Hypothesis, candidate: Candidate, *, is_explained: bool) -> list[Comparison]:
+def _refitted(
+    task: Task, before: Hypothesis, candidate: Candidate, bar: float, *, is_explained: bool
+) -> list[Comparison]:
     """A candidate beside a set, from its predicted values; where the set is far off, from the rig file's too.
 
     Where another set explains what this one leaves, what competes with it is found from where this set is, far off as
     that may be. Of variants with as many parameters each the best, those with fewer too: by J alone, that with most
     always is. What one start of a variant explains within chance, or what formulas leave, needs no other start, but one
     far off where it explains nothing, and other variants that a score does not tell from it: a few in J decide between
-    sets.
+    sets. None is followed that promises to stay above a bar.
     """
     fit = before.fit
     is_far_off = fit.cost > FAR_OFF * fit.dof and not is_explained
@@ -99,7 +104,7 @@ def _refitted(task: Task, before: Hypothesis, candidate: Candidate, *, is_explai
         if effect in alike:
             alike.remove(effect)
         with suppress(UnstableLoopError, ModelError, ValueError):
-            end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=reached)
+            end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=min(bar, reached))
             found += 1
             least[count] = end if end.cost < reached else least[count]
     return sorted(least.values(), key=lambda end: end.cost)
@@ -161,7 +166,9 @@ def beside_shapes(task: Task, field_: Field, names: Names) -> Field:
             if candidate.score > 0.5 * field_.left_by(before) / UNDERSTATED:
                 with suppress(ModelError):
                     own = added(task, field_, names, candidate).tried[names | {candidate.effect.name}]
-                    field_ = replace(field_, nameless={**field_.nameless, names: own})
+                    known = field_.nameless.get(names)
+                    if known is None or known.evidence.alone < own.evidence.alone:
+                        field_ = replace(field_, nameless={**field_.nameless, names: own})
     return field_
 
 

@@ -99,7 +99,7 @@ def _nearer(fit: Comparison, effect: str, names: list[str]) -> Comparison | None
     for part in (1.0, FINER):
         settings = dict(zip(names, (here + part * step).tolist(), strict=True))
         try:
-            further = refit(fit.of(_with(fit.model, own, settings)), step=ROUGHLY)
+            further = refit(fit.of(_with(fit.model, own, settings)), step=ROUGHLY, bound=fit.cost)
         except (UnstableLoopError, ModelError, ValueError):
             continue
         if further.cost < fit.cost:

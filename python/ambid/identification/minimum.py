@@ -139,11 +139,10 @@ def resolved(comparison: Comparison) -> Model:
 def _from(comparison: Comparison, model: Model, most: int, step: float, bound: float) -> Comparison:
     """The optimum of a model whose steps are given; roughly, half of them are enough."""
     held, near = model, max(step, ROUGHLY)
-    is_rough = not model.is_linear and model.without_nonlinear().is_stable
     if step >= ROUGHLY and not model.is_linear:
         half = model.with_substeps((model.structure.substeps or SUBSTEPS) // 2)
         held = half if _is_finite(comparison.of(half)) else model
-    roughly = is_rough and step >= ROUGHLY
+    roughly = step >= ROUGHLY
     if not _is_near(model) and (exact := held.without_errors()).may_stand:
         # many derivatives, and errors that a model without the effect drove off: both are met near the optimum alone
         begun = WhitenedProblem(exact, comparison.noise, model.free, roughly=roughly)
@@ -151,8 +150,9 @@ def _from(comparison: Comparison, model: Model, most: int, step: float, bound: f
     problem = WhitenedProblem(held, comparison.noise, roughly=roughly)
     end = _gone(problem, most, step, bound)
     fit = comparison.of(model.with_theta(end))
-    if (behind := other_side(problem, end)) is not None and problem.promises(behind, fit.model.theta):
-        begun = WhitenedProblem(held.with_theta(behind), comparison.noise, roughly=is_rough)
+    behind = other_side(problem, end) if fit.cost <= bound else None
+    if behind is not None and problem.promises(behind, fit.model.theta):
+        begun = WhitenedProblem(held.with_theta(behind), comparison.noise, roughly=True)
         there = comparison.of(model.with_theta(_gone(begun, most, near)))
         if there.cost < fit.cost and near > step:
             problem.model = held.with_theta(there.model.theta)
@@ -171,8 +171,8 @@ def other_side(problem: WhitenedProblem, theta: FloatArray) -> FloatArray | None
     for k, p in enumerate(model.parameters):
         if p.prior is not None and p.name in late and k in problem.free and abs(theta[k]) < AT_JUMP * p.prior:
             at = problem.free.index(k)
-            seen = problem.noise.quadratic(model.with_theta(theta), problem.free).hessian[at, at] * p.prior**2
-            if seen > 1.0 / AT_JUMP:
+            hessian, _, _ = problem.normal_equations(theta[problem.free] / problem.scale)
+            if hessian[at, at] * (p.prior / problem.scale[at]) ** 2 > 1.0 / AT_JUMP:
                 other = theta.copy()
                 other[k] = -np.copysign(BEHIND_JUMP * p.prior, theta[k])
                 return other

@@ -174,8 +174,8 @@ class RecordLines(NoisyLines):
         free : sequence of int
         roughly : bool
             Of a nonlinear model take the derivatives by all but its nonlinear effects' parameters from the model
-            without those, which must be stable: nearly parallel to the exact ones, several times as fast. Derivatives
-            by errors of values that are known to a tolerance are taken so wherever that model is stable.
+            without those, where that is stable: nearly parallel to the exact ones, several times as fast. Derivatives
+            by errors of values that are known to a tolerance are taken so in any case.
         shortly : bool
             Take a settled response after a short lead: near enough to lead a descent.
         """
@@ -187,8 +187,8 @@ class RecordLines(NoisyLines):
             basis = orthonormal(basis)
             return White(-residual[:, 0], freed(slopes, basis), fitted, basis)
         linear = here.without_nonlinear()
-        some = roughly or linear.is_stable
-        shared = [k for k, i in enumerate(own) if some and self._is_near_enough(here, linear, i, roughly=roughly)]
+        is_near = bool(own) and linear.is_stable
+        shared = [k for k, i in enumerate(own) if is_near and self._is_near_enough(here, linear, i, roughly=roughly)]
         exact = [k for k in range(len(own)) if k not in shared]
         response, derivatives = self._simulated(here, [own[k] for k in exact], shortly=shortly)
         basis, left = self._own_transients, self.whiten(self.measured_lines - response)
