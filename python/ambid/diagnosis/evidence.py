@@ -41,7 +41,7 @@ from ambid.diagnosis.nameless import BEYOND, DECADES, of_any_power
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Model, Parameter
+from ambid.model import Parameter
 from ambid.noise import Comparison, Quadratic
 from ambid.noise.chance import log_odds_against
 from ambid.noise.known import known_residual, known_slopes
