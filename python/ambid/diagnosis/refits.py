@@ -19,7 +19,7 @@ from ambid.effects.places import AtPlace
 from ambid.effects.shapes import SHAPES
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
-from ambid.identification.problem import ROUGHLY, UNDERSTATED
+from ambid.identification.problem import CLOSELY, ROUGHLY, UNDERSTATED
 from ambid.model import Model
 from ambid.noise import Comparison, Noise
 from ambid.rig import Rig
@@ -185,13 +185,13 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
         fit = _nearer_the_rig(task, fit, effect)
     effects = task.beside_nominal(fit.model)
     if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
-        return field_.with_(effects, refit(fit), best.variants)
+        return field_.with_(effects, refit(fit, step=CLOSELY), best.variants)
     for _ in range(MOST_RENEWALS):
         before = fit.cost
         fit = refit(fit.renewed(), step=ROUGHLY)
         if abs(fit.cost - before) <= RENEWED * before:
             break
-    fit = refit(fit, 12)
+    fit = refit(fit, 12, CLOSELY)
     base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:

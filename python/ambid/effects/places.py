@@ -88,7 +88,7 @@ def moved_along(
     for k, (bearing, z) in enumerate(zip(plant.rig.bearings, places, strict=True)):
         powers = _powers(plant.rotor, z, tuple(positions[4 * k : 4 * k + 4]))
         for axis in bearing.axis_names:
-            yield bearing, axis, [np.kron(directions[axis], own) for own in powers]
+            yield bearing, axis, [np.outer(directions[axis], own).ravel() for own in powers]
 
 
 @lru_cache(maxsize=64)

@@ -17,8 +17,8 @@ from ambid.noise import noise_ceiling
 from ambid.noise.known import Size, tempered, tempered_cost
 from ambid.record import Record
 
-EXACTLY = 1e-8
-"""Relative step at which a descent ends."""
+EXACTLY, CLOSELY = 1e-8, 1e-5
+"""Relative step at which a descent ends, and one whose end moves no more than a small part of a standard error."""
 ENOUGH = 1e-3
 """Fall of J, in units of noise, that moves no parameter by more than 3 % of its standard error: below it there is
 nothing to be gained where values are known to a tolerance, whose derivatives make an evaluation costly."""

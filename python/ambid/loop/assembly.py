@@ -195,11 +195,12 @@ ZERO = Signal({})
 
 def combine(factors: Iterable[float], signals: Iterable[Signal]) -> Signal:
     """Sum of factors times signals."""
-    total = ZERO
+    terms = dict[str, float]()
     for factor, signal in zip(factors, signals, strict=True):
         if factor:
-            total = total + factor * signal
-    return total
+            for symbol, own in signal.terms.items():
+                terms[symbol] = terms.get(symbol, 0.0) + factor * own
+    return Signal(terms)
 
 
 class Assembly:

@@ -111,6 +111,6 @@ def modal_geometry(rig: Rig, rotor: ReducedRotor) -> Geometry:
     """Modal input and output matrices of all axes of a rig."""
     directions = axes_in_planes(rig, rotor.planes)
     places = [(bearing.position, bearing.sensor_position) for bearing in rig.bearings for _ in bearing.axes]
-    force = [np.kron(d, rotor.shape(magnet)) for d, (magnet, _) in zip(directions, places, strict=True)]
-    sensor = [np.kron(d, rotor.shape(sensor)) for d, (_, sensor) in zip(directions, places, strict=True)]
+    force = [np.outer(d, rotor.shape(magnet)).ravel() for d, (magnet, _) in zip(directions, places, strict=True)]
+    sensor = [np.outer(d, rotor.shape(sensor)).ravel() for d, (_, sensor) in zip(directions, places, strict=True)]
     return Geometry(force=np.array(force).T, sensor=np.array(sensor))

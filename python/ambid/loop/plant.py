@@ -162,7 +162,7 @@ class Plant(Assembly):
 
     def shape(self, z: float, direction: np.ndarray) -> np.ndarray:
         """Displacement of every modal coordinate at `z` in a direction of the planes, shape (coordinates,)."""
-        return np.kron(direction, self.rotor.shape(z))
+        return np.outer(direction, self.rotor.shape(z)).ravel()
 
     def at(self, z: float, direction: np.ndarray, of: str = "eta") -> Signal:
         """Displacement of the rotor at `z`, its velocity (``eta_rate``) or acceleration (``eta_bend``)."""
