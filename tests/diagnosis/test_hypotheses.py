@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from ambid import Model, compare, diagnose, identify, prbs
 from ambid.diagnosis import refits, search
 from ambid.diagnosis.candidates import Candidate, Ranking
-from ambid.diagnosis.evidence import BOUNDLESS, Evidence, Kind, Yardstick, information_on
+from ambid.diagnosis.evidence import BOUNDLESS, Evidence, Kind, Yardstick, about_sizes, information_on
 from ambid.diagnosis.hypotheses import Field, Hypothesis, begun
 from ambid.diagnosis.nameless import DECADES, Shown, Ways
 from ambid.diagnosis.probabilities import probabilities
@@ -274,7 +274,8 @@ def test_the_information_on_a_stiff_law_is_of_what_it_changes():
     fit = compare(Model(rig), run)
     model = Model(rig).add(find("coulomb_friction"), values)
     kinds = [[model.names.index(f"coulomb_friction.{name}")] for name in values]
-    fine, coarse = (information_on(fit.of(model.with_substeps(steps)), kinds) for steps in (128, 32))
+    each = [fit.of(model.with_substeps(steps)) for steps in (128, 32)]
+    fine, coarse = (information_on(about_sizes(own, kinds), own.model, kinds) for own in each)
     assert np.diag(fine).min() > 0.0
     np.testing.assert_allclose(np.log1p(np.diag(coarse)), np.log1p(np.diag(fine)), atol=0.5)
     own, every = [k for (k,) in kinds], list(range(len(model.names)))

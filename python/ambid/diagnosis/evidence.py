@@ -41,7 +41,7 @@ from ambid.diagnosis.nameless import BEYOND, DECADES, of_any_power
 from ambid.effects import Effect
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Parameter
+from ambid.model import Model, Parameter
 from ambid.noise import Comparison, Quadratic
 from ambid.noise.chance import log_odds_against
 from ambid.noise.known import known_residual, known_slopes
@@ -243,12 +243,17 @@ class Yardstick:
 
         That of a set that J alone leaves far behind need not be priced: it is no more than is returned.
         """
+        prefixes = tuple(f"{effect.name}." for effect in added)
+        parameters = fit.model.parameters
+        own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
+        kinds = _kinds(parameters, own) if is_priced else []
+        about = about_sizes(fit, kinds) if is_priced else np.zeros((len(parameters), len(parameters)))
         cost, expected, variance = fit.cost, float(fit.dof), deviation(fit) ** 2
         on_tones, waves = fit.noise.on_tones(fit.model)
         fits = [(fit, *self._before[0])]
         if kept_back is not None and self.kept_back is not None:
             try:
-                further = _further_cost(fit, kept_back) if is_priced else kept_back.cost
+                further = _further_cost(about, kept_back) if is_priced else kept_back.cost
                 dof = kept_back.dof + len(fit.model.free)  # nothing further is fitted to them
                 fits.append((kept_back, *self._before[1]))
                 at_waves = kept_back.noise.on_tones(kept_back.model)
@@ -257,10 +262,6 @@ class Yardstick:
                 further, dof = BOUNDLESS, kept_back.noise.lines
             cost, expected = cost + further, expected + dof
             variance += deviation(self.kept_back) ** 2
-        prefixes = tuple(f"{effect.name}." for effect in added)
-        parameters = fit.model.parameters
-        own = [k for k, p in enumerate(parameters) if p.name.startswith(prefixes)] if prefixes else []
-        kinds = _kinds(parameters, own) if is_priced else []
         names = frozenset(effect.name for effect in added)
         errors = {names - {own.name}: own for own in added if own.formula_error}
         return Evidence(
@@ -272,7 +273,7 @@ class Yardstick:
                 rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
             },
             beginnings=beginnings(fits) if is_priced else 0.0,
-            information=information_on(fit, kinds),
+            information=information_on(about, fit.model, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),
             prior=float(np.log(variants)) - sum(self._usual(effect) for effect in added),
             on_tones=on_tones,
@@ -289,16 +290,16 @@ class Yardstick:
         return replace(base, cost=sum(measured))
 
 
-def _further_cost(fit: Comparison, kept_back: Comparison) -> float:
+def _further_cost(about: FloatArray, kept_back: Comparison) -> float:
     """By how much J of the records that a model was fitted to and of others, at its least, is above J of the first.
 
-    One step of Newton's leads there. What a fit to little does not determine, the others correct.
+    One step of Newton's leads there, by J'J of the first. What a fit to little does not determine, the others correct.
     """
     own, further = kept_back.model, _about(kept_back)
     known, slopes = known_residual(own), known_slopes(own, range(len(own.names)))  # which count once
     scale = np.array([p.scale for p in own.parameters])
     gradient = (further.gradient + slopes.T @ known) * scale
-    hessian = _about(fit).hessian + further.hessian - slopes.T @ slopes
+    hessian = about + further.hessian - slopes.T @ slopes
     inverse, _ = inverted(hessian * np.outer(scale, scale))
     return further.cost - float(known @ known) - float(gradient @ inverse @ gradient)
 
@@ -338,25 +339,42 @@ def _kinds(parameters: Sequence[Parameter], own: Sequence[int]) -> list[list[int
     return list(kinds.values())
 
 
-def information_on(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
-    """Of parameters of some kinds, in units of the size of each, freed from what all others absorb, shape (q, q)."""
-    own = [k for kind in kinds for k in kind]
+def _sizes(model: Model, kinds: Sequence[Sequence[int]]) -> FloatArray:
+    """Of every parameter: the scale of one that is of none of these kinds, shape (parameters,)."""
+    size = np.array([p.scale for p in model.parameters])
+    for kind in kinds:
+        size[kind] = np.linalg.norm(model.theta[kind])
+    return size
+
+
+def about_sizes(fit: Comparison, kinds: Sequence[Sequence[int]]) -> FloatArray:
+    """J'J about a fit by all its parameters; by those of some kinds from what they change, not from derivatives."""
+    own, size = [k for kind in kinds for k in kind], _sizes(fit.model, kinds)
+    if fit.model.is_linear or not own:
+        return _about(fit).hessian
+    size = np.where(size > 0.0, size, [p.scale for p in fit.model.parameters])  # what fell to zero has none
+    others = [k for k in range(len(size)) if k not in own]
+    _, slopes = fit.noise.jacobian(fit.model, others, roughly=True)
+    settled = fit.noise.departure(fit.model)
+    rows = np.empty((len(settled), len(size)))
+    rows[:, others] = slopes
+    rows[:, own] = np.transpose([_change(fit, settled, k, size[k]) / size[k] for k in own])
+    return np.asarray(rows.T @ rows)
+
+
+def information_on(about: FloatArray, model: Model, kinds: Sequence[Sequence[int]]) -> FloatArray:
+    """Of parameters of some kinds, in units of the size of each, freed from what all others absorb, shape (q, q).
+
+    Parameters
+    ----------
+    about : ndarray, shape (parameters, parameters)
+        J'J by all parameters of the model.
+    """
+    own, size = [k for kind in kinds for k in kind], _sizes(model, kinds)
     if not own:
         return np.zeros((0, 0))
-    parameters = fit.model.parameters
-    size = np.array([p.scale for p in parameters])
-    for kind in kinds:
-        size[kind] = np.linalg.norm(fit.model.theta[kind])
     others = [k for k in range(len(size)) if k not in own]
-    if fit.model.is_linear:
-        hessian = _about(fit).hessian * np.outer(size, size)
-    else:
-        _, slopes = fit.noise.jacobian(fit.model, others, roughly=True)
-        settled = fit.noise.departure(fit.model)
-        rows = np.empty((len(settled), len(size)))
-        rows[:, others] = slopes * size[others]
-        rows[:, own] = np.transpose([_change(fit, settled, k, size[k]) for k in own])
-        hessian = rows.T @ rows
+    hessian = about * np.outer(size, size)
     cross = hessian[np.ix_(own, others)]
     among = hessian[np.ix_(others, others)]
     return np.asarray(hessian[np.ix_(own, own)] - cross @ np.linalg.pinv(among, hermitian=True) @ cross.T)
