@@ -1,6 +1,7 @@
 """Sets of effects: without noise, and what the states of effects may do when a record begins."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -282,6 +283,32 @@ def test_the_information_on_a_stiff_law_is_of_what_it_changes():
     exact = fit.noise.quadratic(model.with_substeps(128), every).hessian * np.outer(*2 * [model.theta])
     freed = np.linalg.inv(np.linalg.inv(exact)[np.ix_(own, own)])  # from what all others absorb
     np.testing.assert_allclose(np.log1p(np.diag(fine)), np.log1p(np.diag(freed)), atol=0.1)
+
+
+def test_where_a_set_explains_another_is_followed_as_far_as_it_may_be_of_account():
+    """Higher by what the formula of an effect leaves as a rule; as far as it goes where no set explains."""
+
+    def hypothesis(left, *effects):
+        fit = SimpleNamespace(cost=1000.0 + left, model=Model(ONE_AXIS.rig))
+        return Hypothesis(effects, fit, None, 1.0, of(left))
+
+    lag, seal, friction = (find(name) for name in ("sensor_lag", "seal_forces", "coulomb_friction"))
+    base, other = hypothesis(4e4), hypothesis(3e4, lag)
+    sets = {own.names: own for own in (base, other)}
+    assert Field(None, sets).bar(base, seal) == np.inf
+    explained = Field(None, sets | {frozenset({"loop_delay"}): hypothesis(0.0, find("loop_delay"))})
+    assert 1000.0 < explained.bar(base, seal) < 1100.0
+    assert explained.bar(base, friction) == pytest.approx(explained.bar(base, seal) + 2e-3 * 41_000.0)
+
+
+def test_what_is_not_priced_is_no_more_likely_than_it_seems():
+    """A set that is far behind anyway keeps its J, and is not taken for less likely than it is."""
+    run = record({"loop_delay": {"seconds": 2e-4}}, 1)
+    base, lag = compare(Model(ONE_AXIS.rig), run), find("sensor_lag")
+    yardstick, fit = Yardstick(base, None, {}), refit(base.of(base.model.add(lag, {})))
+    priced, unpriced = (yardstick.evidence(fit, None, (lag,), 1.0, is_priced=own) for own in (True, False))
+    assert unpriced.cost == priced.cost
+    assert unpriced.alone > priced.alone
 
 
 def test_what_something_else_takes_up_counts_once():

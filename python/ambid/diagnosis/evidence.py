@@ -269,9 +269,7 @@ class Yardstick:
             expected=expected,
             deviation=float(np.sqrt(variance)),
             formula_errors={rest: own.formula_error for rest, own in errors.items()},
-            usual_errors={
-                rest: own.formula_error if own.usual_error is None else own.usual_error for rest, own in errors.items()
-            },
+            usual_errors={rest: own.leaves_as_a_rule for rest, own in errors.items()},
             beginnings=beginnings(fits) if is_priced else 0.0,
             information=information_on(about, fit.model, kinds),
             kinds=tuple(Kind(len(own), sum(parameters[k].lower >= 0.0 for k in own)) for own in kinds),

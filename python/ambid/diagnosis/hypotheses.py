@@ -309,8 +309,8 @@ class Field:
         """
         if not self.is_explained:
             return np.inf
-        best, error = self.foremost, effect.formula_error if effect.usual_error is None else effect.usual_error
-        return best.fit.cost + 2.0 * (best.evidence.price() + FAR_BEHIND) + error * hypothesis.fit.cost
+        best, may_leave = self.foremost, effect.leaves_as_a_rule * hypothesis.fit.cost
+        return best.fit.cost + 2.0 * (best.evidence.price() + FAR_BEHIND) + may_leave
 
     def with_(
         self, added: tuple[Effect, ...], fit: Comparison, variants: float = 1.0, *, is_priced: bool = True

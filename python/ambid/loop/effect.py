@@ -178,6 +178,11 @@ class Effect(ABC):
     in_series: ClassVar[Mapping[str, str]] = MappingProxyType({})
     unseen: ClassVar[str] = "the records show nothing that it could be tried at"
 
+    @property
+    def leaves_as_a_rule(self) -> float:
+        """Part of what it explains that its formula leaves as a rule."""
+        return self.formula_error if self.usual_error is None else self.usual_error
+
     def __post_init__(self) -> None:
         """Take lists, as files hold them, for tuples."""
         for name, value in vars(self).items():
