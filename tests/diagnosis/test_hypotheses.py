@@ -1,7 +1,6 @@
 """Sets of effects: without noise, and what the states of effects may do when a record begins."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -287,18 +286,14 @@ def test_the_information_on_a_stiff_law_is_of_what_it_changes():
 
 def test_where_a_set_explains_another_is_followed_as_far_as_it_may_be_of_account():
     """Higher by what the formula of an effect leaves as a rule; as far as it goes where no set explains."""
-
-    def hypothesis(left, *effects):
-        fit = SimpleNamespace(cost=1000.0 + left, model=Model(ONE_AXIS.rig))
-        return Hypothesis(effects, fit, None, 1.0, of(left))
-
-    lag, seal, friction = (find(name) for name in ("sensor_lag", "seal_forces", "coulomb_friction"))
-    base, other = hypothesis(4e4), hypothesis(3e4, lag)
-    sets = {own.names: own for own in (base, other)}
-    assert Field(None, sets).bar(base, seal) == np.inf
-    explained = Field(None, sets | {frozenset({"loop_delay"}): hypothesis(0.0, find("loop_delay"))})
-    assert 1000.0 < explained.bar(base, seal) < 1100.0
-    assert explained.bar(base, friction) == pytest.approx(explained.bar(base, seal) + 2e-3 * 41_000.0)
+    delay, seal, friction = (find(name) for name in ("loop_delay", "seal_forces", "coulomb_friction"))
+    plain = compare(Model(ONE_AXIS.rig), record({"loop_delay": {"seconds": 2e-4}}, 1))
+    base = Hypothesis((), plain, None, 1.0, of(4e4))
+    right = Hypothesis((delay,), refit(plain.of(plain.model.add(delay, {}))), None, 1.0, of(0.0))
+    assert Field(None, {base.names: base}).bar(base, seal) == np.inf
+    explained = Field(None, {own.names: own for own in (base, right)})
+    assert right.fit.cost < explained.bar(base, seal) < right.fit.cost + 100.0
+    assert explained.bar(base, friction) == pytest.approx(explained.bar(base, seal) + 2e-3 * plain.cost)
 
 
 def test_what_is_not_priced_is_no_more_likely_than_it_seems():
