@@ -5,9 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ambid import Record, Rig, prbs
+from ambid import Record, Rig, compare, prbs
 from ambid.identification import identify
 from ambid.identification.damped import damped_start
+from ambid.identification.minimum import refit
+from ambid.identification.problem import ROUGHLY
+from ambid.identification.renewal import around_edge
 from ambid.model import Model
 from hidden.bench import measured
 from hidden.families import BENCHES
@@ -81,6 +84,15 @@ def test_an_optimum_beyond_sharp_modes_is_found_from_nominal_values(kind, seeds)
     for own in found:
         if is_at_edge_of(own):
             assert {"near_edge_of_stability", "stopped_at_edge_of_stability"} & {one.code for one in own.findings}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_refit_that_stopped_at_the_edge_of_stability_goes_around_it(kind):
+    """From nominal values alone it ends where J is tens of times that of the noise, and more."""
+    fit = refit(compare(Model(KINDS[kind].rig()), KINDS[kind].record(0)), step=ROUGHLY)
+    assert fit.misfit > 10.0
+    assert around_edge(fit).misfit < LIKELY
+    assert around_edge(fit, bound=-4.0 * fit.cost) is fit  # it promises to end above that
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -17,9 +17,9 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.errors import UnstableLoopError
 from ambid.identification.covariance import inverted
-from ambid.model import Model
+from ambid.model import Model, Parameter
 from ambid.noise import Comparison, Noise
-from ambid.noise.known import known_residual, known_slopes
+from ambid.noise.known import known_residual
 
 NEAR, MOST_STEPS = 0.1, 20
 """Fall of minus the log evidence that distinguishes no sets, and steps towards the likeliest beginnings."""
@@ -56,7 +56,7 @@ def beginnings(fits: Sequence[tuple[Comparison, Comparison, Sequence[FloatArray]
 
 def _least(begun: Sequence[_Begun]) -> float:
     """Half of J of some records where it is least, a step of Newton's away."""
-    scale = np.array([p.scale for p in begun[0].model.parameters])
+    scale = np.array([p.scale for p in begun[0].parameters])
     gradient = scale * sum(own.of_cost for own in begun)
     inverse, _ = inverted(sum(own.hessian for own in begun) * np.outer(scale, scale))
     return 0.5 * (sum(own.cost for own in begun) - float(gradient @ inverse @ gradient))
@@ -64,7 +64,7 @@ def _least(begun: Sequence[_Begun]) -> float:
 
 def _towards_rest(begun: Sequence[_Begun]) -> tuple[FloatArray, float]:
     """The step to where J and what records cost that begin far from rest are least, and what is foreseen there."""
-    parameters = begun[0].model.parameters
+    parameters = begun[0].parameters
     scale, lower, upper = np.array([(p.scale, p.lower - p.value, p.upper - p.value) for p in parameters]).T
     best, least, step = np.zeros(len(scale)), np.inf, np.zeros(len(scale))
     for _ in range(MOST_STEPS):
@@ -93,6 +93,11 @@ def _cost(begun: Sequence[_Begun], step: FloatArray | None = None) -> float:
 def _surprise(variance: float) -> float:
     """What numbers of such a variance, in units of their errors, cost, each twice."""
     return 1.0 + float(np.log(variance)) if variance > 1.0 else variance
+
+
+def _free(model: Model) -> list[int]:
+    """All parameters but errors of the rig file, which hardly say how a record begins, and are many."""
+    return [k for k, p in enumerate(model.parameters) if p.prior is None]
 
 
 class _Begun(NamedTuple):
@@ -128,14 +133,26 @@ class _Begun(NamedTuple):
     of_cost: FloatArray
     hessian: FloatArray
 
+    @property
+    def free(self) -> list[int]:
+        """See `_free`."""
+        return _free(self.model)
+
+    @property
+    def parameters(self) -> list[Parameter]:
+        """Those that are free."""
+        return [self.model.parameters[k] for k in self.free]
+
     def squares(self, step: FloatArray) -> float:
         """Their sum so far from the fit."""
         return max(0.0, self.least + float(2.0 * self.gradient @ step + step @ self.form @ step))
 
     def moved(self, step: FloatArray) -> _Begun:
         """The same about other parameters."""
+        theta = self.model.theta
+        theta[self.free] += step
         bounds = np.array([(p.lower, p.upper) for p in self.model.parameters]).T
-        model = self.model.with_theta(np.clip(self.model.theta + step, *bounds))
+        model = self.model.with_theta(np.clip(theta, *bounds))
         return self.at(model, self.noise, self.base, self.numbers, is_first=self.is_first)
 
     @classmethod
@@ -152,7 +169,7 @@ class _Begun(NamedTuple):
     @classmethod
     def at(cls, model: Model, noise: Noise, base: Sequence[FloatArray], numbers: int, *, is_first: bool) -> _Begun:
         """Settled or at rest, whichever is nearer."""
-        free = list(range(len(model.names)))
+        free = _free(model)
         settled = noise.freed(noise.departure(model), base)
         rests = noise.freed(noise.departure_from_rest(model)[0], base)
         if settled @ settled < rests @ rests:
@@ -163,8 +180,7 @@ class _Begun(NamedTuple):
         own = noise.quadratic(model, free)
         least = max(0.0, float(departure @ departure) - own.cost)
         gradient, form = slopes.T @ departure - own.gradient, slopes.T @ slopes - own.hessian
-        known, by = known_residual(model), known_slopes(model, free)
-        if is_first:
-            known, by = 0.0 * known, 0.0 * by
-        cost, of_cost, hessian = own.cost - float(known @ known), own.gradient + by.T @ known, own.hessian - by.T @ by
-        return cls(model, noise, base, numbers, is_first, least, gradient, form, cost, of_cost, hessian)
+        known = 0.0 if is_first else float(np.sum(known_residual(model) ** 2))
+        return cls(
+            model, noise, base, numbers, is_first, least, gradient, form, own.cost - known, own.gradient, own.hessian
+        )

@@ -20,6 +20,7 @@ from ambid.effects.shapes import SHAPES
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import CLOSELY, ROUGHLY, UNDERSTATED
+from ambid.identification.renewal import around_edge
 from ambid.model import Model
 from ambid.noise import Comparison, Noise
 from ambid.rig import Rig
@@ -105,6 +106,8 @@ def _refitted(
             alike.remove(effect)
         with suppress(UnstableLoopError, ModelError, ValueError):
             end = refit(fit.of(base.add(effect, values)), step=ROUGHLY, bound=min(bar, reached))
+            if end.cost > enough:
+                end = around_edge(end, min(bar, reached))
             found += 1
             least[count] = end if end.cost < reached else least[count]
     return sorted(least.values(), key=lambda end: end.cost)

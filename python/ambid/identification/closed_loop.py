@@ -18,8 +18,8 @@ from ambid.identification.estimate import Estimate, ParameterEstimate
 from ambid.identification.identifiability import identifiability, judged
 from ambid.identification.minimum import WhitenedProblem, resolved
 from ambid.identification.preparation import Prepared, beside_known, prepare
-from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, noise_levels
-from ambid.identification.renewal import findings_at_edge, improbability, renewed, way_around
+from ambid.identification.problem import ROUGHLY, Descent, End, LeastSquares, Limits, Problem, gone, noise_levels
+from ambid.identification.renewal import findings_at_edge, improbability, is_at_edge, renewed, way_around
 from ambid.identification.starts import best_of, stable_model
 from ambid.identification.tolerances import budget_by_name, findings_of, known_values
 from ambid.model import Given, Model
@@ -177,12 +177,7 @@ def identify(
         max_evaluations=max_evaluations,
         progress=progress,
     )
-    try:
-        descent = next(own)
-        while True:
-            descent = own.send(descent.alone())
-    except StopIteration as done:
-        return _estimate(done.value, begun)
+    return _estimate(gone(own), begun)
 
 
 def steps(
@@ -269,6 +264,9 @@ def _likeliest(prepared: Prepared, max_evaluations: int, progress: Callable[[int
     free, limits = [*exact, *known], beside_known(sides, given, known)
     model = given.opened()
     problem, best, comparison = yield from renewed(rough, best, model, free, limits, max_evaluations)
+    if in_time and is_at_edge(problem, best):  # with errors of the rig file it may lead on
+        best = yield from way_around(problem, best, comparison.model, in_time, limits, max_evaluations)
+        problem, best, comparison = yield from renewed(problem, best, model, free, limits, max_evaluations)
     is_known = all(part.noise_is_measured for part in comparison.noise.parts)
     missing = not is_known and comparison.misfit > comparison.bound
     if missing and has_eq_9 and best.status != "stopped":

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Generator, Mapping, Sequence
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -16,6 +16,8 @@ from ambid.model import Model
 from ambid.noise import noise_ceiling
 from ambid.noise.known import Size, tempered, tempered_cost
 from ambid.record import Record
+
+T = TypeVar("T")
 
 EXACTLY, CLOSELY = 1e-8, 1e-5
 """Relative step at which a descent ends, and one whose end moves no more than a small part of a standard error."""
@@ -139,9 +141,10 @@ class LeastSquares(ABC):
                 self.progress(self.evaluations, cost)
         return self._last[1:]
 
-    def is_stuck(self, theta: FloatArray) -> bool:
-        """See `is_barred`."""
-        return is_barred(*self.normal_equations(theta[self.free] / self.scale))
+    def promise(self, theta: FloatArray) -> float:
+        """See `promised_fall`, from these parameters."""
+        hessian, gradient, _ = self.normal_equations(theta[self.free] / self.scale)
+        return promised_fall(hessian, gradient)
 
     def descend(
         self,
@@ -283,10 +286,25 @@ class Problem(LeastSquares):
         return found
 
 
-def is_barred(hessian: FloatArray, gradient: FloatArray, cost: float) -> bool:
-    """Whether a step that a quadratic form promises much of was not gone: the loop is unstable further on."""
-    # part of the cost whose promised fall says that a descent has not ended at an optimum
-    return bool(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0] > 0.1 * cost)
+def gone(steps: Generator[Descent, End, T]) -> T:
+    """What descents lead to that are gone one after the other."""
+    try:
+        descent = next(steps)
+        while True:
+            descent = steps.send(descent.alone())
+    except StopIteration as done:
+        found: T = done.value
+        return found
+
+
+def promised_fall(hessian: FloatArray, gradient: FloatArray) -> float:
+    """By how much a quadratic form falls to its least."""
+    return float(gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-12)[0])
+
+
+def is_barred(promised: float, cost: float) -> bool:
+    """Whether a step that promises much was not gone: the loop is unstable further on."""
+    return promised > 0.1 * cost  # no descent ends at an optimum that promises such a part
 
 
 def padded(model: Model, record: Record, values: FloatArray) -> FloatArray:

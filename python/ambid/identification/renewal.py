@@ -8,7 +8,7 @@ from ambid.errors import UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.damped import UNFELT, NearStart, damped_start
 from ambid.identification.minimum import WhitenedProblem, other_side
-from ambid.identification.problem import ROUGHLY, Descent, End, Limits, is_barred
+from ambid.identification.problem import ROUGHLY, UNDERSTATED, Descent, End, Limits, gone, is_barred, promised_fall
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual
@@ -85,7 +85,7 @@ def way_around(
     rough: WhitenedProblem, best: End, stable: Model, records: tuple[Record, ...], limits: Limits, most: int
 ) -> Generator[Descent, End, End]:
     """A better end of a rough fit that a bound or the edge of stability kept away: where all is damped more."""
-    at_edge = _is_at_edge(rough, best)
+    at_edge = is_at_edge(rough, best)
     if not at_edge and best.status != "at_bound":
         return best
     try:
@@ -100,11 +100,29 @@ def way_around(
     return min(best, second, key=lambda end: end.cost)
 
 
-def _is_at_edge(problem: WhitenedProblem, end: End) -> bool:
+def around_edge(fit: Comparison, bound: float = np.inf, most: int = 40) -> Comparison:
+    """A refit of a linear model that the edge of stability kept from its optimum: where all is damped more.
+
+    None that promises to stay above a bound, at which descents end too.
+    """
+    model, records = fit.model, tuple(part.record for part in fit.noise.in_time)
+    if not records or not model.is_linear:
+        return fit
+    problem = WhitenedProblem(model, fit.noise, roughly=True)
+    promised = problem.promise(model.theta)
+    if fit.cost - UNDERSTATED * promised > bound or not is_barred(promised, fit.cost):
+        return fit
+    lower, upper = np.array([(p.lower, p.upper) for p in model.parameters]).T / problem.scale
+    end = gone(way_around(problem, End(model.theta, fit.cost, "converged"), model, records, (lower, upper), most))
+    return fit.of(model.with_theta(end.theta))
+
+
+def is_at_edge(problem: WhitenedProblem, end: End) -> bool:
     """Whether a fit was driven to the edge of stability, which keeps it from its optimum."""
     if end.status != "converged":
         return False
-    return problem.is_stuck(end.theta) or _stands(problem.model.with_theta(end.theta)).decay_rate < AT_EDGE
+    is_stuck = is_barred(problem.promise(end.theta), end.cost)
+    return is_stuck or _stands(problem.model.with_theta(end.theta)).decay_rate < AT_EDGE
 
 
 def _stands(model: Model) -> Model:
@@ -119,7 +137,8 @@ def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End)
         return
     decay = _stands(comparison.model).decay_rate
     form, scale = comparison.noise.quadratic(comparison.model, problem.free), problem.scale
-    if end.status == "converged" and is_barred(form.hessian * np.outer(scale, scale), form.gradient * scale, form.cost):
+    promised = promised_fall(form.hessian * np.outer(scale, scale), form.gradient * scale)
+    if end.status == "converged" and is_barred(promised, form.cost):
         yield BARRED(NOWHERE, decay_rate_1_s=decay)
     elif decay * max(durations) < UNFELT:
         yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=decay * max(durations))
