@@ -26,8 +26,13 @@ from hidden.sizes import sized
 
 HIDDEN = {"one": ("foundation_resonance", "flux_saturation", "sensor_lag"), "four": ("seal_forces", "sensor_lag")}
 SEEDS = {"one": 20, "four": 5}
-SAME = {"scaled_y": ("controller_gain_error",), "late_i_c": ("sampling_skew",)}
-"""Names that say the same as a kind of dirt: one factor on y, or on all gains; currents read at another instant."""
+LATE = dict.fromkeys(("late_y", "late_card", "late_i_e", "delayed_y", "delayed_i_e"), ("channel_delay",))
+SAME = {
+    "scaled_y": ("controller_gain_error", "channel_gain"),
+    **LATE,
+    **dict.fromkeys(("late_i_c", "delayed_i_c"), ("sampling_skew",)),
+}
+"""Names of a kind of dirt: one factor on y, or on all gains; channels read at another instant."""
 FAR = 3.0
 """Standard errors beyond which a value is off."""
 HEAD = (

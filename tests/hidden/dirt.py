@@ -77,6 +77,27 @@ def late_i_c(own: Signals, random: np.random.Generator) -> Signals:
     return _put(own, i_c=shifted(own.i_c, 1.0))
 
 
+def _samples(random: np.random.Generator) -> float:
+    """By how many a card is late: any time, from a tenth of one to twenty."""
+    return float(np.exp(random.uniform(*np.log([0.1, 20.0]))))
+
+
+def delayed_y(own: Signals, random: np.random.Generator) -> Signals:
+    """A second card reads y 0.1 to 20 samples late."""
+    return _put(own, y=shifted(own.y, _samples(random)))
+
+
+def delayed_i_c(own: Signals, random: np.random.Generator) -> Signals:
+    """A second card reads i_c 0.1 to 20 samples late."""
+    return _put(own, i_c=shifted(own.i_c, _samples(random)))
+
+
+def delayed_i_e(own: Signals, random: np.random.Generator) -> Signals:
+    """The generator's i_e is logged 0.1 to 20 samples late: what answers to it is read early."""
+    early = -_samples(random)
+    return _put(own, y=shifted(own.y, early), i_c=shifted(own.i_c, early))
+
+
 def drifting_clock(own: Signals, random: np.random.Generator) -> Signals:
     """The clock of the card that reads y and i_c is 100 ppm off that of the generator."""
     late = random.choice([-1e-4, 1e-4]) * np.arange(len(own.y))
@@ -150,8 +171,8 @@ def clean(own: Signals, random: np.random.Generator) -> Signals:
 DIRT: Mapping[str, Dirt] = {
     own.__name__: own
     for own in (
-        clean, wrong_i_e, noisy_i_e, late_i_e, late_y, late_card, late_i_c, drifting_clock, frozen_y, lost_y,
-        lost_rows, spikes, clipped_y, scaled_y, twelve_bits, without_i_c,
+        clean, wrong_i_e, noisy_i_e, late_i_e, late_y, late_card, late_i_c, delayed_y, delayed_i_c, delayed_i_e,
+        drifting_clock, frozen_y, lost_y, lost_rows, spikes, clipped_y, scaled_y, twelve_bits, without_i_c,
     )
 }  # fmt: skip
 NOISE_FREE = "noise_free"

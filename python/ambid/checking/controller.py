@@ -32,8 +32,10 @@ APART = 1e-2
 stay as they are."""
 STRONG = 10.0
 """Strength of instruments below which their errors are too small (Staiger and Stock, Econometrica 65 (1997) 557)."""
-SURELY = 5.0
-"""Standard errors by which a gain or an instant must be off."""
+SURELY = 3.0
+"""Standard deviations, of noise and of what is known beforehand together, by which a gain or an instant must be off."""
+IN_TIME = 25.0
+"""Fall of chi-squared by a delay of i_c that makes it sure."""
 DELAYS = (0.0, -0.5, 0.5, 1.0, 1.5)
 """Delays in samples from which the equation is solved before an instant is said to be off: what is held has a kink at
 each."""
@@ -49,8 +51,9 @@ FEWEST_CLEAR = 30
 """Fewest lines clear of noise that determine when i_c was read."""
 CURRENT_LATE = 0.25
 """Part of a sample by which i_c must be off to be reported; less is ranked as an effect."""
-LEAST_LATE = 0.05
-"""Part of a sample by which y must be late to be reported; an amplifier that the equation knows nearly brings 0.03."""
+NEARLY = 0.02
+"""Standard deviation of an instant by what the equation knows nearly, such as the amplifier, part of a sample: up to
+0.03 were seen."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
             _instants(loop, lines, lambda own: replace(own, has_instant=True), delays),
             _instants(loop, lines, lambda own: replace(own.of_channels, has_instant=True), delays),
         ]
-        late = np.all([_surely(*end, LEAST_LATE * sample) for end in ends], axis=0)
+        late = np.all([_surely(*end, NEARLY * sample) for end in ends], axis=0)
         if not late.any():
             return None
     x, errors = (np.stack(own) for own in zip(*ends, strict=True))
@@ -145,16 +148,21 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     return Late(np.where(late, x[:, -1], 0.0), x[:, -4])
 
 
-def _surely(x: FloatArray, errors: FloatArray, least: float) -> NDArray[np.bool_]:
-    """Axes that are surely late by some time: by what each shows, or all together."""
+def _surely(x: FloatArray, errors: FloatArray, known: float) -> NDArray[np.bool_]:
+    """Axes that are surely late, where an instant is known to some time: by what each shows, or all together."""
     late, error = x[:, -1], errors[:, -1]
-    own = np.abs(late) - SURELY * error > least
+    own = is_off(late, error, known)
     weight = error**-2.0
     if not weight.any():
         return own
     mean = float(weight @ late) / weight.sum()
-    together = np.abs(mean) - SURELY * weight.sum() ** -0.5 > least
+    together = is_off(mean, weight.sum() ** -0.5, known)
     return own | (together & (np.abs(late - mean) < np.abs(late)))
+
+
+def is_off(by: FloatArray | float, error: FloatArray | float, known: float) -> NDArray[np.bool_]:
+    """Whether a value is off by more than noise and what is known of it beforehand allow, a standard deviation each."""
+    return np.asarray(np.abs(by) > SURELY * np.hypot(error, known))
 
 
 def _instants(
@@ -187,7 +195,7 @@ def current_late(loop: NominalLoop, lines: Lines) -> FloatArray:
             end = min((end, *(moved.solved(part * sample) for part in DELAYS)), key=lambda end: end[1])
         x, left = end
         in_time = replace(moved, has_delay=False, has_lag=x[-4] < 0.0).solved()[1]  # a slow amplifier is late, too
-        is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > SURELY**2
+        is_sure = (in_time / left - 1.0) * 2 * len(equation.i_c) > IN_TIME
         if left < FOLLOWS**2 and abs(x[-4]) > CURRENT_LATE * sample and is_sure:
             found[k] = x[-4] * equation.step
     return found

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ambid.arrays import FloatArray
-from ambid.checking.controller import SURELY, ControllerFit, fit_channels, fit_controller
+from ambid.checking.controller import SURELY, ControllerFit, fit_channels, fit_controller, is_off
 from ambid.checking.equations import controller_missed, reordered
 from ambid.checking.excitation_slips import slips_of_excitation
 from ambid.checking.instants import slips_of_instants
@@ -19,9 +19,10 @@ from ambid.effects.channels import ExcitationGainError
 from ambid.effects.slips import LEAST, MOST, ControllerGainError
 from ambid.findings import Finding, Kind, Severity, Where
 from ambid.record import Record
+from ambid.rig.tolerance import TYPICAL
 
-DOUBTFUL_GAIN, WRONG_GAIN = 0.02, 0.10
-"""Relative error of a controller's gain, beyond `SURELY`."""
+WRONG_GAIN = 0.10
+"""Relative error of a controller's gain, beyond `SURELY`, that is no matter of degree."""
 WITHOUT_EXCITATION = 0.1
 """Factor of i_e in i_c up to which i_c was recorded before i_e joins it."""
 LEAST_SHARE = 0.02
@@ -96,8 +97,8 @@ def slips_of_controller(
     least = np.maximum(LEAST_SHARE, fit.missed)[:, None]  # below what the whole equation misses no gain is determined
     # a small part of i_c shows no more than the factor that all gains have in common
     return found + (
-        _gains(record, fit, _factor(loop, lines, fit), judged, least)
-        or _gains(record, own := fit_channels(loop, lines), _factor(loop, lines, own), judged)
+        _gains(loop, record, fit, _factor(loop, lines, fit), judged, least)
+        or _gains(loop, record, own := fit_channels(loop, lines), _factor(loop, lines, own), judged)
     )
 
 
@@ -136,6 +137,7 @@ def _factor(loop: NominalLoop, lines: Lines, fit: ControllerFit) -> FloatArray:
 
 
 def _gains(
+    loop: NominalLoop,
     record: Record,
     fit: ControllerFit,
     scale: FloatArray,
@@ -143,14 +145,13 @@ def _gains(
     least: FloatArray | float = 0.0,
 ) -> list[Finding]:
     """The gains by which i_c follows, `scale` times the rig's, are those to a part `least` of i_c."""
+    known = loop.rig.known_to("sensor_gain") or TYPICAL["sensor_gain"]
     off = np.abs(scale - 1.0)
-    matters = judged[:, None] & (off * fit.share > least)
-    excess = np.where(matters, off - SURELY * fit.std_error, 0.0)
-    significant = excess > DOUBTFUL_GAIN
+    significant = judged[:, None] & (off * fit.share > least) & is_off(off, fit.std_error, known)
     doubtful = np.flatnonzero(significant.any(axis=0))
     if not len(doubtful):
         return []
-    wrong = excess > WRONG_GAIN
+    wrong = significant & (off - SURELY * fit.std_error > WRONG_GAIN)
     is_sought = (scale > 1.0 + LEAST) & (scale < 1.0 + MOST)
     is_command = significant[:, 0].any() and np.abs(scale[judged, 0]).max() < WITHOUT_EXCITATION
     kind = GAINS_DIFFER
@@ -160,7 +161,7 @@ def _gains(
     causes = {ExcitationGainError.name: bool((doubtful == 0).any()), ControllerGainError.name: bool(doubtful.any())}
     values: dict[str, Any] = {
         "factors": {
-            fit.parts[k]: _factors(record.axes, scale[:, k], fit.std_error[:, k], judged, significant[:, k])
+            fit.parts[k]: _factors(record.axes, scale[:, k], fit.std_error[:, k], known, judged, significant[:, k])
             for k in doubtful
         },
         "channel": _channel(significant, judged),
@@ -172,12 +173,17 @@ def _gains(
 
 
 def _factors(
-    axes: Sequence[str], scale: FloatArray, error: FloatArray, judged: NDArray[np.bool_], significant: NDArray[np.bool_]
+    axes: Sequence[str],
+    scale: FloatArray,
+    error: FloatArray,
+    known: float,
+    judged: NDArray[np.bool_],
+    significant: NDArray[np.bool_],
 ) -> Any:
     """One factor for all axes where they agree, or those of the axes where it is off, or their range if many are."""
     own, spread = scale[judged], np.maximum(error[judged], 1e-9)
     common = float(np.average(own, weights=spread**-2))
-    if np.all(np.abs(own - common) <= DOUBTFUL_GAIN + SURELY * spread):
+    if not is_off(own - common, spread, known).any():
         return common
     if np.count_nonzero(significant) > 4:
         return {"median": float(np.median(own)), "lowest": float(own.min()), "highest": float(own.max())}

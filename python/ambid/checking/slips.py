@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ambid.checking.controller_slips import DOUBTFUL_GAIN, GAINS_DIFFER, slips_of_controller
+from ambid.checking.controller_slips import GAINS_DIFFER, slips_of_controller
 from ambid.checking.excitation_slips import FOREIGN_EXCITATION, slips_of_closed_loop
 from ambid.checking.instants import CHANNEL_DELAY, CLOCK_DIFFERENCE, SAMPLES_LOST, SAMPLES_REPEATED, slips_of_clocks
 from ambid.checking.law import Law, find_laws
-from ambid.checking.law_slips import slips_of_laws
+from ambid.checking.law_slips import DIFFERS, slips_of_laws
 from ambid.checking.lines import FEWEST_LINES, HIGHEST_FREQUENCY, Lines
 from ambid.checking.machine import slips_of_machine
 from ambid.checking.nominal import NominalLoop
@@ -144,7 +144,7 @@ def _turned_reference(record: Record, rig: Rig) -> list[Finding]:
     if record.r is None or not rig.controller.reference:
         return []
     turned = _laws(replace(record, r=-record.r), rig)
-    if not turned or any(abs(law.factor - 1.0) > DOUBTFUL_GAIN for law in turned):
+    if not turned or any(abs(law.factor - 1.0) > DIFFERS for law in turned):
         return []
     return [opposite_sign(record, "r")]
 
