@@ -8,6 +8,7 @@ hidden and with one effect. Runs go on where the file ends; no part of it is a t
 """
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
@@ -19,7 +20,7 @@ from ambid.checking import check
 from ambid.errors import AmbidError
 from benchmarks.grid import Row, aligned, markdown, options, rate_text, read_rows, run_all
 from hidden.bench import simulate
-from hidden.dirt import DIRT, MARGIN, NOISE_FREE, soiled
+from hidden.dirt import DELAYED, DELAYS, DIRT, MARGIN, NOISE_FREE, shifted, soiled
 from hidden.families import BENCHES
 from hidden.one_axis import NAMED, ONE_AXIS
 from hidden.sizes import sized
@@ -60,8 +61,14 @@ def run(axes: str, kind: str, is_hidden: bool, seed: int) -> Row:
     one_period = bench.excitation(bench.amplitude, seed)[: bench.period]
     i_e = np.take(one_period, np.arange(-MARGIN, bench.periods * bench.period + MARGIN), axis=0, mode="wrap")
     quiet = {"seed": None} if kind == NOISE_FREE else {"seed": seed, **bench.noise}
-    record = simulate(bench.rig, i_e, hidden, period=bench.period, **bench.truth, **quiet)
-    row: Row = {"hidden": list(hidden), "told": [], "off": False, "verdict": "refused", "effects": []}
+    machine, of_y, late = hidden, 0.0, 0.0
+    if kind in DELAYED:
+        late = float(np.exp(random.uniform(*np.log(DELAYS))))
+        of_y, of_i_c = DELAYED[kind]
+        machine = hidden | ({"sampling_skew": {"seconds": of_i_c * late / bench.rig.sample_rate}} if of_i_c else {})
+    record = simulate(bench.rig, i_e, machine, period=bench.period, **bench.truth, **quiet)
+    record = replace(record, y=shifted(record.y, of_y * late)) if of_y else record
+    row: Row = {"hidden": list(hidden), "late": late, "told": [], "off": False, "verdict": "refused", "effects": []}
     try:
         record = soiled(record, kind, random, bench.rig)
     except AmbidError as error:
@@ -96,7 +103,7 @@ def run(axes: str, kind: str, is_hidden: bool, seed: int) -> Row:
 def rows_of(rows: list[Row]) -> list[tuple[object, ...]]:
     """A line of the table for every kind, without and with something hidden."""
     found = []
-    for kind in (*DIRT, NOISE_FREE):
+    for kind in (*DIRT, *DELAYED, NOISE_FREE):
         for is_hidden in (False, True):
             own = [row for row in rows if row["key"][1] == kind and row["key"][2] == is_hidden]
             if not own:
@@ -134,7 +141,7 @@ def main() -> None:
     """Run what is missing in the file, or report what it holds."""
     parser = options(__doc__, workers=2)
     parser.add_argument("--out", type=Path, required=True)
-    parser.add_argument("--kinds", nargs="*", default=[*DIRT, NOISE_FREE])
+    parser.add_argument("--kinds", nargs="*", default=[*DIRT, *DELAYED, NOISE_FREE])
     parser.add_argument("--axes", nargs="*", default=["one", "four"])
     parser.add_argument("--seeds", type=int, help="of each; default 20 on one axis and 5 on four")
     parser.add_argument("--table", type=Path)

@@ -7,6 +7,7 @@ import pytest
 
 from ambid import prbs
 from ambid.checking import check
+from ambid.rig.tolerance import Tolerance
 from hidden.bench import simulate
 from hidden.dirt import shifted
 from hidden.families import BENCHES
@@ -42,6 +43,9 @@ def test_a_gain_of_one_sensor_is_told_below_what_noise_makes_of_the_current(seed
     (found,) = [own for own in check(own.rig, replace(record, y=y)).findings if own.code == "gains_differ"]
     assert found.values["axes"] == ["A_zeta"]
     assert found.values["factors"]["y"]["A_zeta"] == pytest.approx(1.0 / 1.05, abs=0.02)
+    # sensors that nobody has calibrated may be so far off
+    uncalibrated = own.rig.replace(tolerance=Tolerance(sensor_gain=0.05))
+    assert not [own for own in check(uncalibrated, replace(record, y=y)).findings if own.code == "gains_differ"]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -77,27 +77,6 @@ def late_i_c(own: Signals, random: np.random.Generator) -> Signals:
     return _put(own, i_c=shifted(own.i_c, 1.0))
 
 
-def _samples(random: np.random.Generator) -> float:
-    """By how many a card is late: any time, from a tenth of one to twenty."""
-    return float(np.exp(random.uniform(*np.log([0.1, 20.0]))))
-
-
-def delayed_y(own: Signals, random: np.random.Generator) -> Signals:
-    """A second card reads y 0.1 to 20 samples late."""
-    return _put(own, y=shifted(own.y, _samples(random)))
-
-
-def delayed_i_c(own: Signals, random: np.random.Generator) -> Signals:
-    """A second card reads i_c 0.1 to 20 samples late."""
-    return _put(own, i_c=shifted(own.i_c, _samples(random)))
-
-
-def delayed_i_e(own: Signals, random: np.random.Generator) -> Signals:
-    """The generator's i_e is logged 0.1 to 20 samples late: what answers to it is read early."""
-    early = -_samples(random)
-    return _put(own, y=shifted(own.y, early), i_c=shifted(own.i_c, early))
-
-
 def drifting_clock(own: Signals, random: np.random.Generator) -> Signals:
     """The clock of the card that reads y and i_c is 100 ppm off that of the generator."""
     late = random.choice([-1e-4, 1e-4]) * np.arange(len(own.y))
@@ -171,12 +150,20 @@ def clean(own: Signals, random: np.random.Generator) -> Signals:
 DIRT: Mapping[str, Dirt] = {
     own.__name__: own
     for own in (
-        clean, wrong_i_e, noisy_i_e, late_i_e, late_y, late_card, late_i_c, delayed_y, delayed_i_c, delayed_i_e,
+        clean, wrong_i_e, noisy_i_e, late_i_e, late_y, late_card, late_i_c,
         drifting_clock, frozen_y, lost_y, lost_rows, spikes, clipped_y, scaled_y, twelve_bits, without_i_c,
     )
 }  # fmt: skip
 NOISE_FREE = "noise_free"
 """A kind of its own: the simulator makes it."""
+DELAYED: Mapping[str, tuple[float, float]] = {
+    "delayed_y": (1.0, 0.0),
+    "delayed_i_c": (0.0, 1.0),
+    "delayed_i_e": (-1.0, -1.0),
+}
+"""Cards that are late by any time: how y and i_c are then read late. The simulator reads i_c, which is not smooth."""
+DELAYS = 0.1, 20.0
+"""Samples."""
 
 
 def soiled(record: Record, kind: str, random: np.random.Generator, rig) -> Record:
