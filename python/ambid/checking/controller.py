@@ -51,7 +51,7 @@ FEWEST_CLEAR = 30
 """Fewest lines clear of noise that determine when i_c was read."""
 CURRENT_LATE = 0.25
 """Part of a sample by which i_c must be off to be reported; less is ranked as an effect."""
-NEARLY = 0.02
+KNOWN_INSTANT = 0.02
 """Standard deviation of an instant by what the equation knows nearly, such as the amplifier, part of a sample: up to
 0.03 were seen."""
 
@@ -139,7 +139,7 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
             _instants(loop, lines, lambda own: replace(own, has_instant=True), delays),
             _instants(loop, lines, lambda own: replace(own.of_channels, has_instant=True), delays),
         ]
-        late = np.all([_surely(*end, NEARLY * sample) for end in ends], axis=0)
+        late = np.all([_surely(*end, KNOWN_INSTANT * sample) for end in ends], axis=0)
         if not late.any():
             return None
     x, errors = (np.stack(own) for own in zip(*ends, strict=True))
