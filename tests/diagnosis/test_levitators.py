@@ -3,6 +3,7 @@
 import pytest
 
 from ambid import diagnose
+from ambid.effects import find
 from hidden.levitators import EFFECTS, levitator
 from tiers import first_fast
 
@@ -41,7 +42,8 @@ def test_a_dead_band_is_given_no_name_and_a_next_step():
     """The catalogue lacks it; its linear part is a gain, of which none is sure."""
     machine = levitator(64075)
     train, kept_back = (machine.record({"amplifier_dead_band": {"current": 0.0016972}}, seed) for seed in (1, 2))
-    own = diagnose(machine.rig, train, validate=kept_back)
+    gains = ("controller_gain_error", "excitation_gain_error", "channel_gain", "amplifier_bandwidth", "flux_saturation")
+    own = diagnose(machine.rig, train, validate=kept_back, catalogue=[find(name) for name in gains])
     assert (own.verdict, own.effects) == ("none_of_the_candidates", ())
     assert own.probabilities.something_else > 0.9 > 0.5 > max(own.probabilities.effects.values())
     assert own.next_steps[0].code == "next_other_amplitudes"

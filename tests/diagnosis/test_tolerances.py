@@ -56,7 +56,7 @@ def test_errors_of_the_rig_file_are_found_beside_an_effect_where_no_period_is_no
 def test_of_four_axes(seed, effect):
     own = replace(BENCHES["small"], order=7)
     sizes = {"seal_forces": {"z": own.middle, "direct": 2e5, "cross": 1.5e5, "damping": 80.0}}
-    few = [find(name) for name in ("seal_forces", "eddy_currents", "sensor_position_error")]
+    few = [find(name) for name in ("seal_forces", "loop_delay", "sensor_position_error")]
     found, off = diagnosed(own, seed, effect, own.excitation(own.amplitude, seed), own.period, sizes, own.noise, few)
     assert found.verdict == ("explained" if effect else "adequate"), found
     assert found.effects == ((effect,) if effect else ()), found
