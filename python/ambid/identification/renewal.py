@@ -1,6 +1,6 @@
 """Fits in the noise of their own residual: ways around obstacles, such as the edge of stability, and likelier ends."""
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 
 import numpy as np
 
@@ -106,7 +106,7 @@ def around_edge(fit: Comparison, bound: float = np.inf, most: int = 40) -> Compa
     None that promises to stay above a bound, at which descents end too.
     """
     model, records = fit.model, tuple(part.record for part in fit.noise.in_time)
-    if not records or not model.is_linear:
+    if not records or not model.is_linear or model.decay_rate * _longest(records) > UNFELT:
         return fit
     problem = WhitenedProblem(model, fit.noise, roughly=True)
     promised = problem.promise(model.theta)
@@ -115,6 +115,11 @@ def around_edge(fit: Comparison, bound: float = np.inf, most: int = 40) -> Compa
     lower, upper = np.array([(p.lower, p.upper) for p in model.parameters]).T / problem.scale
     end = gone(way_around(problem, End(model.theta, fit.cost, "converged"), model, records, (lower, upper), most))
     return fit.of(model.with_theta(end.theta))
+
+
+def _longest(records: Sequence[Record]) -> float:
+    """Duration of the longest record [s]."""
+    return max(record.samples / record.sample_rate for record in records)
 
 
 def is_at_edge(problem: WhitenedProblem, end: End) -> bool:
@@ -132,13 +137,13 @@ def _stands(model: Model) -> Model:
 
 def findings_at_edge(comparison: Comparison, problem: WhitenedProblem, end: End) -> Iterator[Finding]:
     """What is to be known of a fit that ended at the edge of stability, or near it."""
-    durations = [part.record.samples / part.record.sample_rate for part in comparison.noise.in_time]
-    if not durations:
+    records = [part.record for part in comparison.noise.in_time]
+    if not records:
         return
     decay = _stands(comparison.model).decay_rate
     form, scale = comparison.noise.quadratic(comparison.model, problem.free), problem.scale
     promised = promised_fall(form.hessian * np.outer(scale, scale), form.gradient * scale)
     if end.status == "converged" and is_barred(promised, form.cost):
         yield BARRED(NOWHERE, decay_rate_1_s=decay)
-    elif decay * max(durations) < UNFELT:
-        yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=decay * max(durations))
+    elif decay * _longest(records) < UNFELT:
+        yield NEAR_EDGE(NOWHERE, decay_rate_1_s=decay, fades=decay * _longest(records))
