@@ -27,10 +27,9 @@ from hidden.sizes import sized
 
 HIDDEN = {"one": ("foundation_resonance", "flux_saturation", "sensor_lag"), "four": ("seal_forces", "sensor_lag")}
 SEEDS = {"one": 20, "four": 5}
-LATE = dict.fromkeys(("late_y", "late_card", "late_i_e", "delayed_y", "delayed_i_e"), ("channel_delay",))
 SAME = {
     "scaled_y": ("controller_gain_error", "channel_gain"),
-    **LATE,
+    **dict.fromkeys(("late_y", "late_card", "late_i_e", "delayed_y", "delayed_i_e"), ("channel_delay",)),
     **dict.fromkeys(("late_i_c", "delayed_i_c"), ("sampling_skew",)),
 }
 """Names of a kind of dirt: one factor on y, or on all gains; channels read at another instant."""

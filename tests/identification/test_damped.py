@@ -95,6 +95,14 @@ def test_a_refit_that_stopped_at_the_edge_of_stability_goes_around_it(kind):
     assert around_edge(fit, bound=-4.0 * fit.cost) is fit  # it promises to end above that
 
 
+def test_a_start_whose_modes_fade_during_the_record_is_at_no_edge():
+    """What promises much there is no fit yet, and goes on by itself."""
+    record = measured(BENCH.rig, BENCH.excitation(BENCH.amplitude, 0), {}, seed=0, **BENCH.truth, **BENCH.noise)
+    begun = compare(Model(BENCH.rig), record)
+    assert begun.misfit > 10.0
+    assert around_edge(begun) is begun
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_start_far_off_leads_near_the_optimum(seed):
     record = measured(BENCH.rig, BENCH.excitation(BENCH.amplitude, seed), {}, seed=seed, **BENCH.truth, **BENCH.noise)
