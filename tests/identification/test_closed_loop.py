@@ -11,7 +11,7 @@ from ambid.excitation import prbs
 from ambid.identification import identify
 from ambid.identification.estimate import STATUS
 from ambid.identification.minimum import refit
-from ambid.identification.problem import ROUGHLY, noise_levels
+from ambid.identification.problem import ROUGHLY, Descent, noise_levels
 from ambid.model import Model
 from ambid.noise import compare
 from ambid.record import Record
@@ -314,6 +314,25 @@ def test_an_interrupt_keeps_the_best_so_far(start, run, estimate):
     assert len(costs) == found.evaluations == 3
     assert costs[2] < costs[0]
     assert_allclose(values(found), values(estimate), rtol=0.05)
+
+
+def test_an_interrupt_before_or_after_a_descent_keeps_those_that_are_gone(start, run, monkeypatch):
+    ends = []
+
+    def alone(descent):
+        if len(ends) == 2:
+            raise KeyboardInterrupt
+        ends.append(gone(descent))
+        return ends[-1]
+
+    gone = Descent.alone
+    monkeypatch.setattr(Descent, "alone", alone)
+    with pytest.raises(Stopped) as stopped:
+        identify(start, run, starts=4)
+    found = stopped.value.result
+    assert found.status == "stopped"
+    assert "stopped at start 2 of 4" in str(found)
+    assert_allclose(values(found), min(ends, key=lambda end: end.cost).theta[: len(values(found))])
 
 
 def test_offsets_do_not_matter(start, run, estimate):

@@ -173,6 +173,7 @@ class LeastSquares(ABC):
                 self._residual, inside, self._jacobian, bounds=bounds, method="trf",
                 xtol=step, ftol=step**1.25, gtol=step**1.25, max_nfev=max_evaluations,
             )  # fmt: skip
+            cost = self.normal_equations(result.x)[2]
         except _Arrived as arrived:
             return arrived.end
         except KeyboardInterrupt:
@@ -180,7 +181,6 @@ class LeastSquares(ABC):
             return End(self.theta(x), cost, "stopped")
         status = "max_evaluations" if result.status == 0 else "converged"
         at_bound = (result.active_mask != 0) & (np.abs(result.x) > 10 * tiny) & (self.prior == 0.0)
-        cost = self.normal_equations(result.x)[2]
         return End(self.theta(result.x), cost, "at_bound" if at_bound.any() else status)
 
     def _residual(self, x: FloatArray) -> FloatArray:
@@ -287,11 +287,16 @@ class Problem(LeastSquares):
 
 
 def gone(steps: Generator[Descent, End, T]) -> T:
-    """What descents lead to that are gone one after the other."""
+    """What descents lead to that are gone one after the other; an interrupt is left to who waits for their ends."""
     try:
         descent = next(steps)
         while True:
-            descent = steps.send(descent.alone())
+            try:
+                end = descent.alone()
+            except KeyboardInterrupt as interrupt:
+                descent = steps.throw(interrupt)
+            else:
+                descent = steps.send(end)
     except StopIteration as done:
         found: T = done.value
         return found
