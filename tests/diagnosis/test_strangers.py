@@ -27,7 +27,9 @@ def diagnosed(machine, hidden, size, **options):
 def test_friction_is_told_from_a_seal_and_a_mode_by_its_shape():
     """Of what these two would leave, 1.9 % of J, all is within chance, but for a force that follows the motion."""
     few = [effect(name) for name in ("coulomb_friction", "seal_forces", "rotor_bending_mode")]
-    assert diagnosed(43, "coulomb_friction", "clear", catalogue=few).effects == ("coulomb_friction",)
+    bench = stranger(43)
+    rig, train, _, _ = experiment_on(bench, {few[0].name: find(few[0].name, TARGETS["clear"], bench)}, 43)
+    assert diagnose(rig, train, catalogue=few).effects == ("coulomb_friction",)
 
 
 @pytest.mark.slow
