@@ -5,7 +5,7 @@ from __future__ import annotations
 import string
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
-from math import isfinite
+from math import isfinite, pi
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -17,6 +17,8 @@ KINDS: dict[str, Kind] = {}
 SCALES = {
     "nm": (1e9, "nm"),
     "um": (1e6, "um"),
+    "mm": (1e3, "mm"),
+    "degrees": (180.0 / pi, "degrees"),
     "us": (1e6, "us"),
     "ms": (1e3, "ms"),
     "mA": (1e3, "mA"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ambid
+from ambid.results import readable
 from places import LEVITATOR
 
 SLOWER = 0.04
@@ -134,8 +135,9 @@ def test_a_value_that_is_moved_far_is_told_with_how_to_take_it(here, command):
     rig = ambid.Rig.load("rig.toml")
     rig.replace(tolerance={"amplifier_time_constant": 0.02}).save("tight.toml")
     made = command("identify", "tight.toml", "run.csv", "--json", "i.json")
-    codes = [own["code"] for own in json.loads(Path("i.json").read_text())["findings"]]
-    assert "rig_value_moved" in codes
+    found = json.loads(Path("i.json").read_text())["findings"]
+    (moved,) = (own for own in found if own["code"] == "rig_value_moved" and "amplifier" in own["where"]["key"])
+    assert readable(moved["values"]["error"], "1") in moved["message"]
     assert "--save-rig" in made.out
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from ambid.arrays import FloatArray
 from ambid.findings import Finding, Kind, Where
 from ambid.model import Model
-from ambid.results import readable
+from ambid.results import READABLE, readable
 from ambid.rig import Rig
 
 Budget = Mapping[str, Mapping[str, float]]
@@ -32,7 +32,8 @@ TYPICAL = Kind(
 VALUE_MOVED = Kind(
     "rig_value_moved",
     "note",
-    "the data move {name} by {error:.3g} {unit} (standard deviation {posterior_std:.2g}; tolerance {std:.3g})",
+    "the data move {name} by {error:+.3g|{shown}} (standard deviation {posterior_std:.2g|{shown}}; "
+    "tolerance {std:.3g|{shown}})",
     "check the value in the rig file; within three tolerances it is an ordinary error of it",
 )
 
@@ -144,7 +145,8 @@ def findings_of(rig: Rig, known: Mapping[str, KnownValue]) -> Iterator[Finding]:
                 Where(file=str(rig.path or ""), key=name),
                 name=name,
                 error=own.posterior_value,
-                unit="(relative)" if own.unit == "1" else own.unit,
+                unit=own.unit,
+                shown=READABLE[own.unit][1],
                 posterior_std=own.posterior_std,
                 std=own.std,
             )
