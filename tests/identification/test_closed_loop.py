@@ -331,7 +331,7 @@ def test_an_interrupt_before_or_after_a_descent_keeps_those_that_are_gone(start,
         identify(start, run, starts=4)
     found = stopped.value.result
     assert found.status == "stopped"
-    assert "stopped at start 2 of 4" in str(found)
+    assert [dict(own.values) for own in found.findings if own.code == "stopped_at_start"] == [{"start": 2, "starts": 4}]
     assert_allclose(values(found), min(ends, key=lambda end: end.cost).theta[: len(values(found))])
 
 

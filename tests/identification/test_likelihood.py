@@ -11,8 +11,9 @@ from ambid import Rig, prbs
 from ambid.errors import ModelError
 from ambid.identification import identify
 from ambid.model import Model
-from hidden.bench import simulate
+from hidden.bench import measured, simulate
 from hidden.families import BENCHES
+from hidden.null_cells import made
 from hidden.one_axis import ONE_AXIS
 from places import LEVITATOR
 from tiers import first_fast
@@ -134,6 +135,23 @@ def test_it_is_at_the_minimum_of_j(bench, run):
             theta = found.model.theta
             theta[k] += step * error
             assert own.of(found.model.with_theta(theta)).cost > own.cost
+
+
+def test_without_periods_it_is_at_the_minimum_of_j_in_the_noise_that_it_leaves():
+    """That noise comes from the residual, which changes as the fit goes on."""
+    bench, first, samples = BENCHES["bench"], 1575, 4442
+    i_e = prbs(9, amplitude=bench.amplitude, hold=5, axes=4, periods=4, seed=68)
+    record = cut(measured(bench.rig, i_e, {}, seed=68, **bench.truth, **bench.noise), first, samples)
+    found = identify(Model(bench.rig), replace(record, period=None))
+    truth = dict(zip(found.parameters, [*bench.truth["K_i"], *bench.truth["K_s"], bench.truth["tau_e"]], strict=True))
+    fit = found.comparison
+    behind = fit.of(fit.model.with_values(truth)).cost - fit.cost
+    assert 0.0 < behind < chi2.ppf(1.0 - 1e-4, len(truth)), behind
+
+
+def test_a_transient_is_no_noise_where_a_fit_begins():
+    """A rotor that is hardly damped, three periods long: between their lines the transient is the loudest."""
+    assert identify(*made(187)).misfit < 1.1
 
 
 def test_a_start_elsewhere_ends_at_the_same_place(bench, run):

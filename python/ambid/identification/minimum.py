@@ -43,6 +43,12 @@ class WhitenedProblem(LeastSquares):
         self.noise, self.roughly = noise, roughly
         self._before: tuple[FloatArray, Quadratic] | None = None
 
+    def in_noise(self, noise: Noise, model: Model, free: Sequence[int]) -> WhitenedProblem:
+        """J of a model in other noise."""
+        other = WhitenedProblem(model, noise, free, self.progress)
+        other.evaluations = self.evaluations
+        return other
+
     def _evaluate(self, theta: FloatArray) -> tuple[FloatArray, FloatArray, float]:
         near = list[FloatArray]()
         if self._before is not None:  # transients change with the parameters

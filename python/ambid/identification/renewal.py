@@ -8,7 +8,17 @@ from ambid.errors import UnstableLoopError
 from ambid.findings import NOWHERE, Finding, Kind
 from ambid.identification.damped import UNFELT, NearStart, damped_start
 from ambid.identification.minimum import WhitenedProblem, other_side
-from ambid.identification.problem import ROUGHLY, UNDERSTATED, Descent, End, Limits, gone, is_barred, promised_fall
+from ambid.identification.problem import (
+    NEAR,
+    ROUGHLY,
+    UNDERSTATED,
+    Descent,
+    End,
+    Limits,
+    gone,
+    is_barred,
+    promised_fall,
+)
 from ambid.model import Model
 from ambid.noise import Comparison
 from ambid.noise.known import known_residual
@@ -16,8 +26,8 @@ from ambid.record import Record
 
 MOST_RENEWALS = 3
 """So often is the noise taken from the residual again, at the most."""
-RENEWED = 0.01
-"""Relative change of J by that which is small enough."""
+RENEWED = 1e-3
+"""Part of what is left above the noise by which J may fall in the noise renewed, where physics is missing."""
 AT_EDGE = 1e-3
 """Rate of decay below which a fit has run into the edge of stability, where no record can have been made [1/s]."""
 Renewed = tuple[WhitenedProblem, End, Comparison]
@@ -43,24 +53,24 @@ def renewed(
     """The optimum of J near an end, in the noise of its own residual.
 
     The noise estimated with a model depends on it: with periods through the way that it takes round the loop, and
-    through tones; without them altogether. It is taken from the residual again until J does not change by that.
+    through tones; without them altogether. It is taken from the residual again until the optimum stays where it is: J,
+    in the noise that the optimum leaves itself, falls no further, or promises not to.
     """
     comparison = Comparison(model.with_theta(best.theta), rough.noise.records, rough.noise).renewed()
-    problem = rough
+    problem = rough.in_noise(comparison.noise, model, free)
     for _ in range(1 + MOST_RENEWALS):
         if best.status == "stopped":
             break
-        evaluations = problem.evaluations
-        problem = WhitenedProblem(model, comparison.noise, free, rough.progress)
-        problem.evaluations = evaluations
         best = yield Descent(problem, best.theta[free] / problem.scale, limits, most)
         if (behind := other_side(problem, best.theta)) is not None:
             other = yield Descent(problem, behind[free] / problem.scale, limits, most)
             best = min(best, other, key=lambda end: end.cost)
         fit = comparison.of(model.with_theta(best.theta))
-        has_all_tones = not fit.noise.misses_tone(fit.model)
+        has_all_tones, fell = not fit.noise.misses_tone(fit.model), comparison.cost - fit.cost
         comparison = fit.renewed()
-        if has_all_tones and abs(comparison.cost / fit.cost - 1.0) < RENEWED:
+        problem = problem.in_noise(comparison.noise, model, free)
+        least = max(NEAR, RENEWED * (comparison.cost - comparison.dof))
+        if has_all_tones and (fell < least or problem.promise(best.theta) < least):
             break
     return problem, best, comparison
 

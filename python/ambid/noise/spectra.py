@@ -117,17 +117,15 @@ class NoisyLines(JudgedLines):
 
     def _rough(self) -> Spectrum:
         """The noise of each sensor and reading by itself."""
-        window, p, here = self.window.settled, self.measured.channels, self._base
-        if window.is_periodic:
-            index = window.between(-(-FEW // len(self.window.excited)))
-            lines = _core.through(back_through_loop(here, window.points(index), p), self.measured.quiet[index])
-            back = back_through_loop(here, self.points, p)
-        else:
+        window = self.window.settled
+        if not window.is_periodic:
             return Spectrum.of(*self._beside_excitation())
-        power = uniform_filter1d(np.abs(lines) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
+        index = window.between(-(-FEW // len(self.window.excited)))
+        power = uniform_filter1d(np.abs(self.unexcited.left(index)) ** 2, 2 * HALF_WIDTH + 1, axis=0, mode="nearest")
         place, judged = index / window.periods, self.index / self.window.periods
         own = np.stack([np.interp(judged, place, channel) for channel in power.T], axis=1)
-        return Spectrum.of((own[:, :, None] * np.eye(p)).astype(complex), back, np.ones(len(own)))
+        alone = (own[:, :, None] * np.eye(self.measured.channels)).astype(complex)
+        return Spectrum.of(alone, self.unexcited.back(self.points), np.ones(len(own)))
 
     def _beside_excitation(self) -> tuple[ComplexArray, ComplexArray, FloatArray]:
         """The noise of each channel by itself, from what follows neither the model nor, smoothly, the excitation."""
