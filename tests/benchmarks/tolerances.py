@@ -130,7 +130,7 @@ def report(rows: list[Row]) -> None:
         if not own:
             continue
         name = effect.partition(" x ")[0]
-        right = [row["effects"] == ([name] if name else []) for row in own]
+        right = [row["effects"] == ([name] if name else []) and not row["sets"] for row in own]
         in_set = [name in row["effects"] or any(name in own for own in row["sets"]) for row in own]
         words = {word: sum(row["verdict"] == word for row in own) for word in sorted({row["verdict"] for row in own})}
         print(f"{effect or 'nothing':28s} alone {rate_text(sum(right), len(own))}; in its set {sum(in_set)}; {words}")

@@ -132,7 +132,9 @@ def _back(problem: WhitenedProblem, begin: FloatArray, theta: FloatArray, least:
 
 def _slope(model: Model, own: list[int], scale: FloatArray) -> FloatArray:
     """Of the rate of decay by each parameter in units of its scale: it shows a way and is in no result, so that
-    differences do."""
+    differences do, back from what is at its upper bound."""
     begin, steps = model.decay_rate, np.zeros((len(own), len(model.theta)))
-    steps[range(len(own)), own] = STEP * scale
-    return np.array([model.with_theta(model.theta + step).decay_rate - begin for step in steps]) / STEP
+    upper = np.array([model.parameters[i].upper for i in own])
+    ways = np.where(model.theta[own] + STEP * scale <= upper, STEP, -STEP)
+    steps[range(len(own)), own] = ways * scale
+    return np.array([model.with_theta(model.theta + step).decay_rate - begin for step in steps]) / ways
