@@ -259,6 +259,20 @@ def test_sets_that_are_like_the_best_end_where_its_values_lead():
     assert reached < other.cost + 0.5
 
 
+@pytest.mark.slow
+def test_without_periods_a_set_is_at_the_minimum_of_j_in_the_noise_that_it_leaves():
+    """Which comes from the residual: in that of the model without it J would fall by 10 more."""
+    bench, effect = BENCHES["bench"], find("foundation_resonance")
+    i_e = prbs(9, amplitude=bench.amplitude, hold=5, axes=4, periods=3, seed=68)
+    hidden = {effect.name: sized(effect.name, "clear").parameters}
+    own = measured(bench.rig, i_e, hidden, seed=68, **bench.truth, **bench.noise)
+    fit = identify(Model(bench.rig), replace(own, period=None)).comparison
+    task, names = Task(fit.model, (), (effect,), silent), frozenset({effect.name})
+    field = begun(task, fit).with_((effect,), refit(fit.of(fit.model.add(effect))))
+    best = refits.refined(task, field, names).tried[names].fit.renewed()
+    assert best.cost - refit(best).cost < 0.1
+
+
 class WaysThatShow(Ways):
     """Those in which so much of J stands, where a set leaves it."""
 

@@ -20,7 +20,7 @@ from ambid.effects.shapes import SHAPES
 from ambid.errors import ModelError, UnstableLoopError
 from ambid.identification.minimum import refit
 from ambid.identification.problem import CLOSELY, ROUGHLY, UNDERSTATED
-from ambid.identification.renewal import around_edge
+from ambid.identification.renewal import MOST_RENEWALS, around_edge, hardly, stays
 from ambid.model import Model
 from ambid.noise import Comparison, Noise
 from ambid.rig import Rig
@@ -33,10 +33,6 @@ FAR_OFF = 20.0
 """Misfit J/dof above which refits start from the rig file's values too."""
 EQUALLY_GOOD = 1.0
 """Difference of J of two lags that are exchanged, which leave the same."""
-MOST_RENEWALS = 3
-"""So often is the noise renewed after the best set has changed, at the most."""
-RENEWED = 0.02
-"""Relative change of J by renewing the noise that is small enough."""
 HOPELESS = 1e3
 """Log evidence by which no other noise lets a set catch up; one that is hardly another does not by `FAR_BEHIND`."""
 Start = tuple[Model, Effect, Mapping[str, float]]
@@ -187,14 +183,15 @@ def refined(task: Task, field_: Field, names: Names) -> Field:
             fit = settled(fit, effect)
         fit = _nearer_the_rig(task, fit, effect)
     effects = task.beside_nominal(fit.model)
-    if not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model):
+    is_near = not field_.root and field_.base.fit.cost - fit.cost <= fit.dof and not fit.noise.misses_tone(fit.model)
+    begun = fit.renewed()
+    if is_near and stays(begun):
         return field_.with_(effects, refit(fit, step=CLOSELY), best.variants)
     for _ in range(MOST_RENEWALS):
-        before = fit.cost
-        fit = refit(fit.renewed(), step=ROUGHLY)
-        if abs(fit.cost - before) <= RENEWED * before:
+        fit = refit(begun, step=CLOSELY)
+        if begun.cost - fit.cost < hardly(begun):
             break
-    fit = refit(fit, 12, CLOSELY)
+        begun = fit.renewed()
     base = refit(fit.of(field_.base.fit.model), step=ROUGHLY)
     kept_back = field_.yardstick.kept_back
     if kept_back is not None:

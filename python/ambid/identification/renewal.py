@@ -69,10 +69,20 @@ def renewed(
         has_all_tones, fell = not fit.noise.misses_tone(fit.model), comparison.cost - fit.cost
         comparison = fit.renewed()
         problem = problem.in_noise(comparison.noise, model, free)
-        least = max(NEAR, RENEWED * (comparison.cost - comparison.dof))
+        least = hardly(comparison)
         if has_all_tones and (fell < least or problem.promise(best.theta) < least):
             break
     return problem, best, comparison
+
+
+def hardly(comparison: Comparison) -> float:
+    """Fall of J below which an optimum stays where it is."""
+    return max(NEAR, RENEWED * (comparison.cost - comparison.dof))
+
+
+def stays(comparison: Comparison) -> bool:
+    """Whether an optimum of other noise is one of this, too."""
+    return WhitenedProblem(comparison.model, comparison.noise).promise(comparison.model.theta) < hardly(comparison)
 
 
 def improbability(comparison: Comparison) -> float:
