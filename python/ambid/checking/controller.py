@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -132,12 +133,14 @@ def read_late(loop: NominalLoop, lines: Lines) -> Late | None:
     One clock for all axes is determined better than that of each; an axis that is not late has 0.
     """
     sample = 1.0 / loop.rig.sample_rate
+    both = list(zip(*(_on_lines(loop, own) for own in (lines, loop.answered(lines))), strict=True))
     ends = []
     for delays in (DELAYS[:1], DELAYS):  # each may lead to an end of its own
+        starts = [part * sample for part in delays]
         ends = [
-            _instants(loop, lines, lambda own: replace(own, has_factors=False, has_instant=True), delays),
-            _instants(loop, lines, lambda own: replace(own, has_instant=True), delays),
-            _instants(loop, lines, lambda own: replace(own.of_channels, has_instant=True), delays),
+            _instants(both, lambda own: replace(own, has_factors=False, has_instant=True), starts),
+            _instants(both, lambda own: replace(own, has_instant=True), starts),
+            _instants(both, lambda own: replace(own.of_channels, has_instant=True), starts),
         ]
         late = np.all([_surely(*end, KNOWN_INSTANT * sample) for end in ends], axis=0)
         if not late.any():
@@ -166,13 +169,12 @@ def is_off(by: FloatArray | float, error: FloatArray | float, known: float) -> N
 
 
 def _instants(
-    loop: NominalLoop, lines: Lines, way: Callable[[_Equation], _Equation], delays: Sequence[float]
+    both: Sequence[tuple[_Equation, _Equation]], way: Callable[[_Equation], _Equation], delays: Sequence[float]
 ) -> tuple[FloatArray, FloatArray]:
-    """Unknowns of every axis' equation and their standard errors, instants in seconds."""
+    """Unknowns of every axis' equation and their standard errors, from some delays on, instants in seconds."""
     ends = []
-    for equation, ideal in zip(*(map(way, _on_lines(loop, own)) for own in (lines, loop.answered(lines))), strict=True):
-        starts = [part / loop.rig.sample_rate / equation.step for part in delays]
-        x, left = min((equation.solved(start) for start in starts), key=lambda end: end[1])
+    for equation, ideal in (map(way, own) for own in both):
+        x, left = min((equation.solved(start / equation.step) for start in delays), key=lambda end: end[1])
         x, errors = equation.instrumented(x, ideal)
         if left > FOLLOWS**2:
             errors = np.full(len(x), np.inf)
@@ -229,6 +231,7 @@ def _on_lines(loop: NominalLoop, lines: Lines) -> list[_Equation]:
     held, i_c = _held_by_controller(loop, lines), np.asarray(lines.i_c)
     step = 1.0 / (2.0 * np.pi * HIGHEST_FREQUENCY * loop.rig.sample_rate)
 
+    @lru_cache
     def paths(delay: float, lag: float) -> tuple[ComplexArray, ComplexArray]:
         return loop.paths(f, more_delay=delay * step, more_lag=lag * step)
 
