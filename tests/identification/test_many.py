@@ -187,23 +187,15 @@ def test_results_are_tables(demo_rig):
 
 
 class Allocated(ctypes.Structure):
-    """What glibc tells of its heaps [bytes]."""
+    """What glibc tells of its heaps, its `mallinfo2` [bytes]."""
 
-    _fields_ = [
-        (name, ctypes.c_size_t)
-        for name in [
-            "arena",
-            "ordblks",
-            "smblks",
-            "hblks",
-            "hblkhd",
-            "usmblks",
-            "fsmblks",
-            "uordblks",
-            "fordblks",
-            "keepcost",
-        ]
-    ]
+    _fields_ = (
+        ("heaps", ctypes.c_size_t * 4),
+        ("mapped", ctypes.c_size_t),
+        ("fast", ctypes.c_size_t * 2),
+        ("used", ctypes.c_size_t),
+        ("kept", ctypes.c_size_t * 2),
+    )
 
 
 def in_use():
@@ -212,7 +204,7 @@ def in_use():
     tell = ctypes.CDLL(None).mallinfo2
     tell.restype = Allocated
     found = tell()
-    return found.uordblks + found.hblkhd
+    return found.used + found.mapped
 
 
 @pytest.mark.slow
