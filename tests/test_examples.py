@@ -69,7 +69,7 @@ def identify_a_rig(names, truth):
 def monte_carlo(names, truth):
     assert names["inside"] > 80.0
     assert 0.1 < names["spread"] < 0.5
-    assert names["found"].status == {"converged": 40}
+    assert names["found"].status == {"converged": 24}
 
 
 def two_operating_points(names, truth):

@@ -15,7 +15,7 @@ plan = ambid.Plan(
     sensor_noise=50e-9,
     current_noise=0.01,
 )
-found = ambid.run_monte_carlo(plan, 40)
+found = ambid.run_monte_carlo(plan, 24)
 print(found)
 
 tau_e = found.parameters["tau_e"]

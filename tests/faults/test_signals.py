@@ -137,7 +137,7 @@ def test_from_the_first_import_on(name, folder):
     begun = time.perf_counter()
     assert ended("identify", "rig.toml", "run.csv", "-q", cwd=folder)[0] == 0
     seconds = time.perf_counter() - begun
-    for moment in moments(5, seconds):
+    for moment in moments(3, seconds):
         code, err = stop(folder, signal.Signals[name], moment)
         assert code in (0, CODES[name]), err
         assert "Traceback" not in err

@@ -36,7 +36,7 @@ def loop(seed, samples=400, steps=4):
     return rig, rate, delay, *(column[:, None] for column in np.array(found).T)
 
 
-@pytest.mark.parametrize("seeds", [12, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("seeds", [12, pytest.param(120, marks=pytest.mark.slow)])
 def test_i_c_tells_on_which_side_of_the_delay_a_command_stands(seeds):
     wrong = missed = 0
     for seed in range(seeds):
