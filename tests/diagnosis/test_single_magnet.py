@@ -22,9 +22,10 @@ def rig():
 
 
 def record(size: float, seed: int, holding: float = BIAS) -> Record:
-    """References and excitations that jump, about the current that holds the weight."""
+    """References and excitations that jump, from rest, about the current that holds the weight."""
     random = np.random.default_rng(seed)
     r = np.repeat(size * random.standard_normal(SAMPLES // 50), 50)
+    r[:50] = 0.0
     i_e = 100.0 * size * random.standard_normal(SAMPLES)
     found = TRUTH.run(RATE, pid(*GAINS, RATE, 0.4), r, i_e, noise=(1e-6, 5e-4), seed=seed)
     own = {"y": found["y"], "i_c": found["i_c"] + holding, "i_e": i_e[:, None], "r": r[:, None]}
