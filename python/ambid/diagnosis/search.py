@@ -212,8 +212,10 @@ def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:
 
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
+    """At the most: what a set leaves may have driven how its states begin, which then costs nothing beside more."""
     own = hypothesis.evidence
-    return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + _price(task, c)))
+    begins = 0.0 if field_.left_by(hypothesis) else own.beginnings
+    return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + _price(task, c), beginnings=begins))
 
 
 def _price(task: Task, c: Candidate) -> float:
