@@ -254,7 +254,7 @@ def test_what_a_set_leaves_may_have_driven_how_its_states_begin(left, may_win):
     tried = {frozenset(e.name for e in some): Hypothesis(some, fit, None, 1.0, of_it) for some, of_it in own.items()}
     candidate = Candidate(find("unbalance"), max(left, 10.0), 2, {}, 1.0)
     task = Task(Model(rig), (), (eddy, runout, candidate.effect), silent)
-    assert search._may_win(task, Field(None, tried), tried[frozenset({eddy.name})], candidate) is may_win
+    assert search.may_win(task, Field(None, tried), tried[frozenset({eddy.name})], candidate) is may_win
 
 
 def test_sets_that_are_like_the_best_end_where_its_values_lead():

@@ -133,7 +133,7 @@ def _carried_on(task: Task, field_: Field, names: Names, *, by_scores: bool = Fa
     for done, candidate in enumerate(order):
         so_far = f"{len(field_.tried)} sets tried, misfit {field_.foremost.fit.misfit:.3g}"
         task.progress(f"refitting {candidate.effect.name} ({so_far})", done, len(order))
-        if names | {candidate.effect.name} not in field_.tried and _may_win(task, field_, hypothesis, candidate):
+        if names | {candidate.effect.name} not in field_.tried and may_win(task, field_, hypothesis, candidate):
             with suppress(ModelError):
                 yield (field_ := added(task, field_, names, candidate))
     yield field_
@@ -166,7 +166,7 @@ def _in_pairs(task: Task, field_: Field) -> Iterator[Field]:
     for _, first, second in sorted(found, key=lambda pair: -pair[0])[:CARRIED]:
         names = field_.root | {first.effect.name}
         is_new = names in field_.tried and names | {second.effect.name} not in field_.tried
-        if is_new and _may_win(task, field_, field_.tried[names], second):
+        if is_new and may_win(task, field_, field_.tried[names], second):
             with suppress(ModelError):
                 yield (field_ := added(task, field_, names, second))
 
@@ -184,7 +184,7 @@ def _by_promise(task: Task, field_: Field, hypothesis: Hypothesis, ranking: Rank
     return list(first.values())
 
 
-def _may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
+def may_win(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate) -> bool:
     """Whether a candidate beside a set could make it as likely as the foremost.
 
     Where a set leaves more than noise a score may err. Where scores say nothing, refits beside smaller sets do; a refit
@@ -266,7 +266,7 @@ def _with_twins(task: Task, field_: Field, names: Names) -> Iterator[Field]:
             is_twin = bool(mine & traits_of(c.effect, before.fit.model).keys())
             explains = is_twin and c.score > half
             acts_alike = is_twin or effect.name in c.confusable_with
-            if explains or (acts_alike and _may_win(task, field_, before, c)):
+            if explains or (acts_alike and may_win(task, field_, before, c)):
                 with suppress(ModelError):
                     yield (field_ := added(task, field_, rest, there))
 
