@@ -212,9 +212,12 @@ def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:
 
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
-    """At the most: what a set leaves may have driven how its states begin, which then costs nothing beside more."""
-    own = hypothesis.evidence
-    begins = 0.0 if field_.left_by(hypothesis) else own.beginnings
+    """At the most: what a set leaves may have driven how its states begin, which then costs nothing beside more.
+
+    What formulas leave is theirs.
+    """
+    own, is_left = hypothesis.evidence, field_.left_by(hypothesis) > 0.0 and not field_.is_of_formulas(hypothesis)
+    begins = 0.0 if is_left else own.beginnings
     return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + _price(task, c), beginnings=begins))
 
 
