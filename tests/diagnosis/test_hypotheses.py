@@ -243,16 +243,17 @@ def test_what_is_left_of_a_set_is_fitted_from_the_values_that_it_had_without(mon
     ]
 
 
-@pytest.mark.parametrize(("left", "may_win"), [(300.0, True), (0.0, False)])
-def test_what_a_set_leaves_may_have_driven_how_its_states_begin(left, may_win):
+@pytest.mark.parametrize(("beginnings", "prior", "may_win"), [(0.0, 30.0, True), (70.0, 0.0, False)])
+def test_what_a_set_leaves_may_have_driven_how_its_states_begin(beginnings, prior, may_win):
     """A wave that is missing looks like states that begin far from rest, and costs as these do; with it they do not."""
     rig = BENCHES["bench"].rig
     excited = simulate(rig, BENCHES["bench"].excitation(0.05, 1), {}, seed=1, **BENCHES["bench"].truth)
     eddy, runout = find("eddy_currents"), find("sensor_runout")
-    own = {(): of(1e4), (eddy,): replace(of(left), beginnings=70.0), (eddy, runout): replace(of(0.0), prior=30.0)}
+    with_runout = replace(of(0.0), beginnings=beginnings, prior=prior)
+    own = {(): of(1e4), (eddy,): replace(of(300.0), beginnings=70.0), (eddy, runout): with_runout}
     fit = compare(Model(rig), excited)
     tried = {frozenset(e.name for e in some): Hypothesis(some, fit, None, 1.0, of_it) for some, of_it in own.items()}
-    candidate = Candidate(find("unbalance"), max(left, 10.0), 2, {}, 1.0)
+    candidate = Candidate(find("unbalance"), 300.0, 2, {}, 1.0)
     task = Task(Model(rig), (), (eddy, runout, candidate.effect), silent)
     assert search.may_win(task, Field(None, tried), tried[frozenset({eddy.name})], candidate) is may_win
 

@@ -212,12 +212,9 @@ def _is_blind(hypothesis: Hypothesis, c: Candidate) -> bool:
 
 
 def _promised(task: Task, field_: Field, hypothesis: Hypothesis, c: Candidate, fall: float) -> float:
-    """At the most: what a set leaves may have driven how its states begin, which then costs nothing beside more.
-
-    What formulas leave is theirs.
-    """
-    own, is_left = hypothesis.evidence, field_.left_by(hypothesis) > 0.0 and not field_.is_of_formulas(hypothesis)
-    begins = 0.0 if is_left else own.beginnings
+    """What a set leaves may have driven how its states begin: beside more they cost what they do in the foremost."""
+    own, best = hypothesis.evidence, field_.foremost
+    begins = min(own.beginnings, best.evidence.beginnings) if hypothesis.names < best.names else own.beginnings
     return field_.promise(replace(own, cost=own.cost - fall, prior=own.prior + _price(task, c), beginnings=begins))
 
 
