@@ -43,12 +43,14 @@ def jobs(data: Path) -> Iterator[tuple[str, list[str]]]:
         yield f"campaign-{name}-diagnose", ["diagnose", str(rig), records[0], "--validate", records[-1]]
 
 
-def run(data: Path, out: Path) -> None:
-    """Run every command, one thread each, and keep its JSON."""
+def run(data: Path, out: Path, options: list[str]) -> None:
+    """Run every command that is not there yet, one thread each, and keep its JSON."""
     out.mkdir(parents=True, exist_ok=True)
     program = [sys.executable, "-c", "from ambid.cli import main; main()"]
     for name, arguments in jobs(data):
-        command = [*program, *arguments, "--quiet", "--json", str(out / f"{name}.json")]
+        if (out / f"{name}.json").exists():
+            continue
+        command = [*program, *arguments, *options, "--quiet", "--json", str(out / f"{name}.json")]
         ended = subprocess.run(command, env=os.environ | {"OPENBLAS_NUM_THREADS": "1"}, check=False)
         print(f"{name}: exit {ended.returncode}", flush=True)
 
@@ -105,12 +107,13 @@ if __name__ == "__main__":
     running, comparing = parts.add_parser("run"), parts.add_parser("compare")
     running.add_argument("data", type=Path)
     running.add_argument("--out", type=Path, required=True)
+    running.add_argument("--exact", action="store_true", help="take every value of the rig files for exact")
     comparing.add_argument("before", type=Path)
     comparing.add_argument("after", type=Path)
     comparing.add_argument("--without", nargs="*", default=[], help="keys that are left out, such as those of texts")
     given = parser.parse_args()
     if given.action == "run":
-        run(given.data, given.out)
+        run(given.data, given.out, ["--exact"] if given.exact else [])
     else:
         LEFT_OUT.update(given.without)
         sys.exit(compare(given.before, given.after))

@@ -296,10 +296,13 @@ def _best(point: Point, variants: Sequence[Effect], cost: float) -> tuple[Candid
         turned = block_diag(*[call.of.turned for call in calls])
         independent = independent_tests(turned.T @ gram @ turned, len(calls))
     best, *others = sorted(calls, key=lambda call: call.chance(independent))
-    linear = [c for c in others if c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
-    near = [(c.effect, c.predicted, c.fall / best.fall) for c in linear if best.fall > 0.0]
+    linear = [c for c in others if best.fall > 0.0 and c.fall > NEAR * best.fall and not is_nonlinear(c.rig, c.effect)]
+    of_kind = {c.parameters: c for c in reversed([best, *linear])}
+    # other parameters are another law; else it is a place, or a size that was probed
+    linear.sort(key=lambda c: of_kind[c.parameters] is not c)
+    near = tuple((c.effect, c.predicted, c.fall / best.fall) for c in linear[:2])
     basis = best.of.turned.T @ best.of.rows
-    return replace(best.candidate(independent), near=tuple(near[:2])), basis, why
+    return replace(best.candidate(independent), near=near), basis, why
 
 
 def _nonzero(size: FloatArray) -> FloatArray:
@@ -354,6 +357,11 @@ class _Call:
         """Logarithm of the chance of such a score, whichever of so many independent variants is best."""
         own = log_chance_bounded(self.fall / self.spread, self.degrees, self.one_sided)
         return min(0.0, own + float(np.log(variants)))
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(own.name for own in self.effect.parameters(self.rig))
 
     @property
     def predicted(self) -> dict[str, float]:
