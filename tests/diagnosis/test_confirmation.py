@@ -7,7 +7,6 @@ import pytest
 
 from ambid import diagnose
 from ambid.effects import find
-from ambid.model.parameter import Parameter
 from hidden.null_cells import made
 from hidden.one_axis import NAMED, ONE_AXIS, record
 from tiers import first_fast
@@ -56,18 +55,3 @@ def test_what_is_in_one_half_only_is_not_named(seeds, most):
         assert found.history[0].misfit < 1.1
         named += bool(found.effects)
     assert named <= most
-
-
-@pytest.mark.parametrize(
-    ("value", "lower", "upper", "expected"),
-    [
-        (0.5, -0.5, 0.5, True),
-        (-0.49999, -0.5, 0.5, True),
-        (0.4, -0.5, 0.5, False),
-        (0.0, 0.0, 1.0, False),  # absent
-        (12.0, 0.8, 12.0, False),  # a shape, not a size
-        (3.0, 0.0, np.inf, False),
-    ],
-)
-def test_a_size_at_its_limit(value, lower, upper, expected):
-    assert Parameter("x", value, "1", ("x",), lower, upper).is_at_limit is expected

@@ -41,11 +41,3 @@ def test_small_effects_beside_a_large_one_are_added_where_they_lead_to_the_noise
     assert found.verdict == "explained"
     assert found.history[-1].misfit < 1.06
     assert len(found.effects) > 1
-
-
-def test_a_mode_that_is_damped_out_of_sight_is_no_explanation():
-    """Else drag on the rotor is read as a housing without a band of its own, with K_i and K_s a third of theirs."""
-    model = ambid.Model(RIG).add("foundation_resonance", {"frequency_hz": 1.0, "damping": 0.5, "inverse_mass": 0.05})
-    limits = {p.name: p.is_at_limit for p in model.parameters}
-    assert limits["foundation_resonance.damping"]
-    assert sum(limits.values()) == 1

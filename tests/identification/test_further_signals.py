@@ -306,7 +306,7 @@ def test_what_an_experiment_with_further_channels_would_tell_is_foreseen(record)
             expected = prospect(found.model, ONE_AXIS.excitation(1.0), period=ONE_AXIS.period, instruments=currents)
             for name, parameter in seen.parameters.items():
                 assert expected.parameters[name].std_error == pytest.approx(parameter.std_error, rel=0.2), name
-    assert stated.without_currents().with_currents(5e-3).channels == stated.channels == 4
+    assert stated.without_currents().beside({"i_c": 5e-3}).channels == stated.channels == 4
 
 
 def test_the_noise_of_each_instrument_is_told(record):

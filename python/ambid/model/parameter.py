@@ -13,8 +13,6 @@ from ambid.rig import Rig
 
 SHORTEST_LAG = 5e-5
 """Samples that tau_e lasts at least: less is no lag in any record, and overflows."""
-NEARLY = 0.999
-"""Part of a limit that counts as all of it: optimisers stop a little before."""
 UNITS = {"K_i": "N/A", "K_s": "N/m", "R": "ohm", "tau_e": "s"}
 
 
@@ -53,14 +51,6 @@ class Parameter:
     def scale(self) -> float:
         """A positive number of the parameter's own size."""
         return max(abs(self.value), self.typical or 0.0)
-
-    @property
-    def is_at_limit(self) -> bool:
-        """Whether a size that is 0 where an effect is absent has grown as far as physics allows."""
-        if not self.lower <= 0.0 <= self.upper:
-            return False
-        limit = self.upper if self.value > 0.0 else self.lower
-        return bool(self.value != 0.0 and np.isfinite(limit) and abs(self.value) >= NEARLY * abs(limit))
 
 
 class Parameters(tuple[Parameter, ...]):

@@ -151,16 +151,6 @@ class Instruments:
         signals, further = ([name for name in some if name not in names] for some in (self.signals, self.further))
         return Instruments(self.frequency_hz, self.covariance[:, kept[:, None], kept], tuple(further), tuple(signals))
 
-    def with_currents(self, current_noise: float) -> Instruments:
-        """The same where i_c is recorded too, in white noise [A rms]; of instruments that have none.
-
-        Raises
-        ------
-        InputError
-            If the noise is not above zero.
-        """
-        return self.beside({"i_c": current_noise})
-
     def without_currents(self) -> Instruments:
         """The same where i_c is not recorded."""
         return self.without("i_c")
