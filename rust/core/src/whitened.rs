@@ -6,6 +6,8 @@
 
 mod rows;
 
+use std::sync::{Mutex, PoisonError};
+
 use nalgebra::{Complex, DMatrix, DVector};
 
 use crate::closed_loop::ClosedLoop;
@@ -13,7 +15,7 @@ use crate::error::{Error, Result, check_len};
 use crate::lines::{OnLines, radius};
 use crate::product::add_gram;
 use crate::stop::each;
-use rows::Layout;
+use rows::{Layout, stretch};
 
 type C64 = Complex<f64>;
 
@@ -152,9 +154,17 @@ struct Gram {
 impl Gram {
     fn new(parts: &[OnLines], np: usize, data: &LineData, inputs: usize, d: &[f64]) -> Result<Self> {
         let layout = Layout::new(parts, np, data.channels, true);
-        let mut sum = vec![0.0; layout.stride * layout.stride];
-        layout.walk(parts, data, inputs, d, &mut |_, rows| add_gram(rows, layout.stride, &mut sum))?;
-        let stride = layout.stride;
+        let (stride, count, own) = (layout.stride, data.w.len(), stretch(data.w.len()));
+        let starts: Vec<usize> = (0..count).step_by(own).collect();
+        let one = |_: usize, first: &usize| -> Result<Vec<f64>> {
+            let (mut sum, lines) = (vec![0.0; stride * stride], *first..(first + own).min(count));
+            layout.walk(parts, data, lines, inputs, d, &mut |_, rows| add_gram(rows, stride, &mut sum))?;
+            Ok(sum)
+        };
+        let mut sum = vec![0.0; stride * stride];
+        for own in each(&starts, one)? {
+            sum.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+        }
         let moments = DMatrix::from_fn(layout.size, layout.size, |i, j| sum[i.min(j) * stride + i.max(j)]);
         Ok(Self { states: layout.states, moments })
     }
@@ -262,11 +272,18 @@ pub fn line_rows(
         check_len("transient", d.len(), states)?;
     }
     let layout = Layout::new(&parts, free.len(), data.channels, transients);
-    let mut out = vec![0.0; data.w.len() * 2 * data.channels * layout.size];
-    layout.walk(&parts, data, system.inputs(), d, &mut |line, rows| {
-        let to = out[line * 2 * data.channels * layout.size..].chunks_exact_mut(layout.size);
-        rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
+    let (per_line, stretch) = (2 * data.channels * layout.size, stretch(data.w.len()));
+    let mut out = vec![0.0; data.w.len() * per_line];
+    let places: Vec<Mutex<&mut [f64]>> = out.chunks_mut((stretch * per_line).max(1)).map(Mutex::new).collect();
+    each(&places, |k, place| {
+        let (first, mut own) = (k * stretch, place.lock().unwrap_or_else(PoisonError::into_inner));
+        let lines = first..first + own.len() / per_line;
+        layout.walk(&parts, data, lines, system.inputs(), d, &mut |line, rows| {
+            let to = own[(line - first) * per_line..].chunks_exact_mut(layout.size);
+            rows.chunks_exact(layout.stride).zip(to).for_each(|(row, to)| to.copy_from_slice(&row[..layout.size]));
+        })
     })?;
+    drop(places);
     let mut at = 0;
     for part in parts.iter().filter(|_| transients) {
         let n = part.states();

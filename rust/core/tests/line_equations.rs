@@ -247,13 +247,15 @@ fn same_bits_for_one_and_many_threads() {
     let mut random = Random(55);
     let p = machine(100.0, 0.02);
     let system = p.system();
-    let records: Vec<LineData> = (0..9).map(|i| Record::new(&p, &mut random, 60 + 13 * i, 8).data(&system)).collect();
+    let records: Vec<LineData> = (0..9).map(|i| Record::new(&p, &mut random, 60 + 93 * i, 8).data(&system)).collect();
     let records: Vec<&LineData> = records.iter().collect();
     let with = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| line_equations(&system, &p.theta, &p.free(), &records, &[])).expect("stable")
+        let rows = pool.install(|| line_rows(&system, &p.theta, &p.free(), records[8], &[], true)).expect("stable");
+        (pool.install(|| line_equations(&system, &p.theta, &p.free(), &records, &[])).expect("stable"), rows)
     };
-    let (one, four) = (with(1), with(4));
+    let ((one, rows), (four, of_four)) = (with(1), with(4));
+    assert_eq!(rows, of_four);
     assert_eq!((one.hessian, one.gradient, one.cost), (four.hessian, four.gradient, four.cost));
     assert_eq!(one.transients, four.transients);
 }

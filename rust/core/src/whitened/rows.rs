@@ -12,6 +12,15 @@ use crate::stop::go_on;
 /// Lines whose whitened rows stay in the first-level cache.
 const TOGETHER: usize = 4;
 
+/// Stretches of lines that threads work on at the most, and lines of one at the least.
+const STRETCHES: usize = 32;
+const STRETCH: usize = 4 * BLOCK;
+
+/// How many of so many lines one thread works on; what all find is put together in the order of the lines.
+pub fn stretch(lines: usize) -> usize {
+    STRETCH.max(lines.div_ceil(STRETCHES).next_multiple_of(BLOCK))
+}
+
 /// Where everything stands in a row `[T | dz | r]`.
 pub struct Layout {
     channels: usize,
@@ -46,7 +55,7 @@ impl Layout {
         Self { channels, states, parameters, size, stride, stretches }
     }
 
-    /// Hands the whitened rows of a few lines at a time to `sink`, with the first of these lines.
+    /// Hands the whitened rows of some of the lines, a few at a time, to `sink`, with the first of these few.
     ///
     /// # Errors
     /// [`crate::Error::Stopped`].
@@ -54,6 +63,7 @@ impl Layout {
         &self,
         parts: &[OnLines],
         data: &LineData,
+        some: Range<usize>,
         inputs: usize,
         d: &[f64],
         sink: &mut impl FnMut(usize, &[f64]),
@@ -62,9 +72,9 @@ impl Layout {
         let mut blocks: Vec<Block> = parts.iter().map(|_| Block::new(self.states > 0)).collect();
         let mut raw = vec![0.0; 2 * p * stride];
         let mut white = vec![0.0; TOGETHER * 2 * p * stride];
-        for first in (0..data.w.len()).step_by(BLOCK) {
+        for first in some.clone().step_by(BLOCK) {
             go_on()?;
-            let lines = first..(first + BLOCK).min(data.w.len());
+            let lines = first..(first + BLOCK).min(some.end);
             let u = &data.u[first * inputs..lines.end * inputs];
             let mut at = 0;
             for (part, block) in parts.iter().zip(&mut blocks) {
