@@ -3,6 +3,7 @@
 use std::cell::Cell;
 
 use nalgebra::Complex;
+use rayon::ThreadPoolBuilder;
 
 use crate::common::loops::lags;
 use crate::common::machine::saturating;
@@ -21,12 +22,15 @@ pub(super) fn count() {
     COUNT.set(COUNT.get() + 1);
 }
 
-/// Asserts that `work` of ever more samples or lines asks in proportion to them.
-fn assert_asks(what: &str, work: impl Fn(usize)) {
+/// Asserts that `work` of ever more samples or lines, all on one thread, asks in proportion to them.
+fn assert_asks(what: &str, work: impl Fn(usize) + Sync) {
+    let alone = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let asked = |size: usize| {
-        COUNT.set(0);
-        work(size);
-        COUNT.get()
+        alone.install(|| {
+            COUNT.set(0);
+            work(size);
+            COUNT.get()
+        })
     };
     let (few, many) = (asked(2 * MOST), asked(8 * MOST));
     assert!(few >= 2, "{what}: {few} questions in {} steps", 2 * MOST);
