@@ -84,6 +84,16 @@ def differences(before: Any, after: Any) -> list[tuple[float, str, Any, Any]]:
     return sorted(found, key=lambda entry: -entry[0])
 
 
+def in_short(before: Any, after: Any) -> str:
+    """The verdicts, or the largest difference of a value of both in standard errors of the first version."""
+    if "verdict" in before:
+        named = [f"{own['verdict']} {', '.join(own['effects']) or '-'}" for own in (before, after)]
+        return f"{named[0]} -> {named[1]}"
+    old, new = (own.get("parameters") or {} for own in (before, after))
+    off = [abs(new[k]["value"] - old[k]["value"]) / old[k]["std_error"] for k in old.keys() & new.keys()]
+    return f"values within {max(off):.2g} standard errors" if off else "no values of both"
+
+
 def compare(before: Path, after: Path) -> int:
     """Print the largest difference of every result; 1 if one is above the tolerance."""
     failed = 0
@@ -98,6 +108,7 @@ def compare(before: Path, after: Path) -> int:
         print(f"{path.stem:40s} {len(pairs):6d} numbers, largest difference {pairs[0][0] if pairs else 0.0:.2g}")
         for size, key, a, b in over[:5]:
             print(f"    {key}: {a!r} -> {b!r} ({size:.2g})")
+        print(f"    {in_short(*(json.loads((folder / path.name).read_text()) for folder in (before, after)))}")
     return failed
 
 

@@ -60,8 +60,8 @@ class Candidate:
     variants : float
         So many independent places, frequencies or sizes were tried.
     near : tuple of (Effect, dict, float)
-        Other variants with a score that is near enough for a refit to decide, the values predicted for them, and their
-        score over that of the best.
+        Other variants with a score that is near enough for a refit to decide, those of other laws first, the values
+        predicted for them, and their score over that of the best.
     """
 
     effect: Effect

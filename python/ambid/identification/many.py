@@ -118,7 +118,7 @@ def identify_many(
 ) -> Estimates:
     """Identify many times at once: every run as `identify` does, with the same numbers.
 
-    The descents of linear models run in the core over all cores, each in one thread, so that the numbers do not depend
+    The descents of linear models run in the core over all cores, side by side, and the numbers do not depend
     on how many there are (``RAYON_NUM_THREADS`` sets it). A run that fails is a row with its reason. With the weights
     of eq. 9, runs that repeat one experiment, with the same excitation and start, go down from the optimum of the first
     of them: they end within a thousandth of a standard error of what `identify` finds; the descents cost half.
